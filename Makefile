@@ -1,0 +1,41 @@
+# Two commands do all the set-up on a fresh machine: `make demo` and `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: install demo test test-fast test-vcan check bench lock clean
+
+install: .venv/installed
+
+.venv/installed: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit("Étude needs Python 3.11 or newer; this is " + sys.version.split()[0] + ": set PYTHON=python3.x") if sys.version_info < (3, 11) else 0'
+	$(PYTHON) -m venv .venv || { echo "python3 -m venv failed: on Debian or Ubuntu, apt-get install python3-venv" >&2; exit 1; }
+	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+demo: install  ## the main job on the stand-in arm
+	$(BIN)/etude demo
+
+test: test-fast test-vcan  ## every test, on the local bus and on SocketCAN
+
+test-fast: install
+	$(BIN)/pytest
+
+test-vcan: install  ## the integration tests on real SocketCAN: this kernel's, else a guest's
+	tests/vcan/run
+
+check: install  ## formatting, lint, types, import directions
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: install  ## every performance figure, beside its reference
+	$(BIN)/python -m benchmarks
+
+lock:  ## resolve the dependencies again
+	$(PYTHON) -m venv .venv/lock && .venv/lock/bin/pip install --quiet uv
+	.venv/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --no-annotate --group dev pyproject.toml -o requirements.lock
+
+clean:
+	rm -rf .venv build etude-demo *.egg-info
