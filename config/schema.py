@@ -130,7 +130,7 @@ class WrenchSensor(Section):
 class VirtualHardware(Section):
     """The stand-in arm that may take this installation's place."""
 
-    hidden: Path
+    hidden: str
     """Mechanics that nothing but the stand-in reads."""
 
 
