@@ -164,7 +164,7 @@ class SdoWrite(Section):
     """A quantity that the joint's configuration fixes: ``servo_stiffness``, ``servo_damping``,
     ``torque_limit``, ``velocity_limit``, ``position_low``, ``position_high``."""
     scale: float = 1.0
-    """Raw = scale · quantity (quantities: N·m/rad, N·m·s/rad, ‰ of rated, counts/s, counts)."""
+    """Raw = round(scale · quantity) (quantities: N·m/rad, N·m·s/rad, ‰ of rated, counts/s, counts)."""
 
     @model_validator(mode="after")
     def _one_source(self) -> SdoWrite:
