@@ -31,6 +31,8 @@ class Arm(Section):
     home_rad: tuple[float, ...]
     """Where sessions start and end, one value a joint."""
     gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    identification_motions: tuple[str, ...] = ()
+    """Motions that excite the links, by name or file: what `etude identify links` plays when given no recordings."""
 
 
 class CycleTiming(Section):
