@@ -1,0 +1,98 @@
+"""Which objects travel in which PDO of a drive: from the drive's layout to COB-IDs and mapping entries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from config.errors import InputError
+from config.schema import Drive, Joint, Mode
+
+MODE_CODES: dict[Mode, int] = {"csp": 8, "cst": 10}
+"""Object 6060 by mode: cyclic synchronous position, cyclic synchronous torque."""
+FEEDBACK = ("statusword", "position", "velocity", "torque")
+"""What the TPDOs of every drive must carry, by object name."""
+COMMANDS = {
+    "controlword": "controlword",
+    "mode": "mode",
+    "target_position": "q",
+    "velocity_offset": "dq",
+    "target_torque": "tau",
+    "torque_offset": "tau",
+}
+"""The quantity of the loop that each RPDO object carries, by object name."""
+_NEEDED = {"csp": ("controlword", "target_position"), "cst": ("controlword", "target_torque")}
+_RPDO_IDS = (0x200, 0x300, 0x400, 0x500)
+_TPDO_IDS = (0x180, 0x280, 0x380, 0x480)
+SYNCHRONOUS = 1
+"""Transmission type of all our PDOs: at every SYNC."""
+
+
+@dataclass(frozen=True, slots=True)
+class PdoMap:
+    """One PDO in use: ``number`` 1–4, ``receive`` as the drive sees it (RPDO), names and entries in order."""
+
+    receive: bool
+    number: int
+    cob_id: int
+    names: tuple[str, ...]
+    entries: tuple[int, ...]
+    """Mapping entries ``index << 16 | subindex << 8 | bits``."""
+
+    @property
+    def length(self) -> int:
+        """Data bytes."""
+        return sum(entry & 0xFF for entry in self.entries) // 8
+
+    @property
+    def communication(self) -> int:
+        """Index of the communication parameter: 1400+n for RPDOs, 1800+n for TPDOs."""
+        return (0x1400 if self.receive else 0x1800) + self.number - 1
+
+    @property
+    def mapping(self) -> int:
+        """Index of the mapping parameter: 1600+n for RPDOs, 1A00+n for TPDOs."""
+        return (0x1600 if self.receive else 0x1A00) + self.number - 1
+
+    @property
+    def title(self) -> str:
+        return f"{'RPDO' if self.receive else 'TPDO'}{self.number}"
+
+
+def default_cob_id(receive: bool, number: int, node_id: int) -> int:
+    """COB-ID of a PDO in the predefined connection set (CiA 301)."""
+    return (_RPDO_IDS if receive else _TPDO_IDS)[number - 1] + node_id
+
+
+def pdo_maps(joint: Joint, drive: Drive, mode: Mode) -> tuple[PdoMap, ...]:
+    """The PDOs that a joint's drive uses in a mode: RPDOs first, each at its predefined COB-ID.
+
+    Raises InputError when the layout is missing, lacks what the loop needs, or commands what the loop has not.
+    """
+    place = f"drive {drive.name}, layouts.{mode}"
+    layout = drive.layouts.get(mode)
+    if layout is None:
+        raise InputError(f"drive {drive.name}", f"has no layout for mode {mode}", f"add [layouts.{mode}] to its file")
+    maps: list[PdoMap] = []
+    for receive, pdos in ((True, layout.rpdo), (False, layout.tpdo)):
+        for number, names in enumerate(pdos, 1):
+            if not names:
+                continue
+            objects = [drive.object(name) for name in names]
+            entries = tuple(o.index << 16 | o.subindex << 8 | o.bits for o in objects)
+            maps.append(PdoMap(receive, number, default_cob_id(receive, number, joint.node_id), names, entries))
+    commanded = [name for pdo in maps if pdo.receive for name in pdo.names]
+    measured = [name for pdo in maps if not pdo.receive for name in pdo.names]
+    for name in commanded:
+        if name not in COMMANDS:
+            raise InputError(place, f"rpdo object {name!r} is none the loop commands", f"use {', '.join(COMMANDS)}")
+    doubled = sorted({name for name in commanded + measured if (commanded + measured).count(name) > 1})
+    if doubled:
+        raise InputError(place, f"{', '.join(doubled)} is mapped twice", "map every object once")
+    quantities = [COMMANDS[name] for name in commanded]
+    if quantities.count("tau") > 1:
+        raise InputError(place, "target_torque and torque_offset are both mapped", "keep the one of this mode")
+    for way, present, needed in (("rpdo", commanded, _NEEDED[mode]), ("tpdo", measured, FEEDBACK)):
+        missing = [name for name in needed if name not in present]
+        if missing:
+            raise InputError(f"{place}.{way}", f"{', '.join(missing)} is not mapped", "add it to a PDO")
+    return tuple(maps)

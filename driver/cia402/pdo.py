@@ -1,0 +1,250 @@
+"""The cyclic exchange as precompiled ``struct`` codecs: all RPDOs of a bus in one packing, TPDOs by table.
+
+Everything the loop calls each cycle is in `PdoCodec`; lists have one entry a joint in the installation's order.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from config.schema import Drive, Installation, Joint, Mode
+from driver.bus.frames import FRAME, FRAME_BYTES, pack
+from driver.cia402.mapping import COMMANDS, FEEDBACK, MODE_CODES, PdoMap, pdo_maps
+from driver.cia402.scaling import JointScale
+
+_CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
+_NAN = math.nan
+
+
+class CommandNotRepresentable(Exception):
+    """A command that the wire cannot carry; it is refused, never clipped. Names the joint, object and value."""
+
+
+@dataclass(slots=True)
+class Feedback:
+    """What the drives measured this cycle. Where ``valid`` is False everything else is NaN (statusword -1)."""
+
+    valid: list[bool]
+    statusword: list[int]
+    q: list[float]
+    dq: list[float]
+    tau: list[float]
+
+
+@dataclass(slots=True)
+class Reception:
+    """What else a bus carried: frames that are no TPDO of ours, and TPDOs that are not as mapped."""
+
+    other: list[tuple[int, int, bytes]] = field(default_factory=list)
+    """(bus number, identifier with flags, data): emergencies, heartbeats, SDO answers, error frames."""
+    malformed: list[tuple[int, int, int]] = field(default_factory=list)
+    """(bus number, identifier, length) of TPDOs of the wrong length: never taken for feedback."""
+    doubled: int = 0
+    """TPDOs that came a second time within the cycle."""
+
+
+@dataclass(slots=True)
+class _Tpdo:
+    """Where the values of one TPDO go in the flat list of raw values."""
+
+    unpack: struct.Struct
+    length: int
+    values: slice
+    bit: int
+
+
+class PdoCodec:
+    """Codec of all drives of an installation in one mode.
+
+    Raises config.InputError when a drive's layout does not carry what the loop needs.
+    """
+
+    def __init__(self, installation: Installation, mode: Mode) -> None:
+        self.mode: Mode = mode
+        self.joints = installation.joint
+        self.scales = [JointScale.of(joint) for joint in installation.joint]
+        self.maps: list[tuple[PdoMap, ...]] = [pdo_maps(j, installation.drive_of(j), mode) for j in self.joints]
+        bus_names = [bus.name for bus in installation.bus]
+        drives = [installation.drive_of(joint) for joint in self.joints]
+        self._compile_feedback(bus_names, drives)
+        self._outputs = [
+            _BusOutput(
+                [(i, self.joints[i], drives[i], self.maps[i], self.scales[i]) for i in self._joints_on(name)], mode
+            )
+            for name in bus_names
+        ]
+
+    def _joints_on(self, bus: str) -> list[int]:
+        return [i for i, joint in enumerate(self.joints) if joint.bus == bus]
+
+    # ── commands ──
+
+    def encode(
+        self, controlword: Sequence[int], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
+    ) -> list[bytearray]:
+        """The RPDOs of each bus, ready for `Channel.send`; the arrays are reused by the next call.
+
+        ``q`` rad and ``dq`` rad/s are position target and velocity offset (CSP), ``tau`` N·m at the joint the
+        torque offset (CSP) or target (CST). Values that a mode does not map are not looked at.
+        Raises CommandNotRepresentable for NaN, infinity, and what the mapped integers cannot carry.
+        """
+        return [output.encode(controlword, q, dq, tau) for output in self._outputs]
+
+    # ── feedback ──
+
+    def _compile_feedback(self, bus_names: list[str], drives: list[Drive]) -> None:
+        self._tables: list[dict[int, _Tpdo]] = [{} for _ in bus_names]
+        self._raw: list[int] = []
+        self._places: dict[tuple[int, str], int] = {}
+        self._axes: list[tuple[int, int, int, int, float, float, float, float, int]] = []
+        bit = 1
+        for i, joint in enumerate(self.joints):
+            mask = 0
+            for pdo in self.maps[i]:
+                if pdo.receive:
+                    continue
+                start = len(self._raw)
+                for name in pdo.names:
+                    self._places[i, name] = len(self._raw)
+                    self._raw.append(0)
+                codec = pdo_struct(pdo, drives[i], padded=True)
+                entry = _Tpdo(codec, pdo.length, slice(start, len(self._raw)), bit)
+                self._tables[bus_names.index(joint.bus)][pdo.cob_id] = entry
+                mask |= bit
+                bit <<= 1
+            status, position, velocity, torque = (self._places[i, name] for name in FEEDBACK)
+            self._axes.append((status, position, velocity, torque, *self.scales[i].feedback, mask))
+        self._fresh = 0
+        self.reception = Reception()
+
+    def begin_cycle(self) -> None:
+        """Forget the last cycle's feedback: what does not come again is invalid."""
+        self._fresh = 0
+        self.reception = Reception()
+
+    @property
+    def complete(self) -> bool:
+        """Whether every TPDO of every drive has come since `begin_cycle`."""
+        return self._fresh.bit_count() == sum(len(table) for table in self._tables)
+
+    def receive(self, bus: int, buffer: bytearray | memoryview | bytes, end: int) -> None:
+        """Take the frames ``buffer[:end]`` that `Channel.drain` filled on bus number ``bus``."""
+        table, raw = self._tables[bus], self._raw
+        fresh = self._fresh
+        with memoryview(buffer) as view, view[: end - end % FRAME_BYTES] as frames:
+            for can_id, length, data in FRAME.iter_unpack(frames):
+                entry = table.get(can_id)
+                if entry is None:
+                    self.reception.other.append((bus, can_id, data[: min(length, 8)]))
+                elif length != entry.length:
+                    self.reception.malformed.append((bus, can_id, length))
+                else:
+                    raw[entry.values] = entry.unpack.unpack(data)
+                    if fresh & entry.bit:
+                        self.reception.doubled += 1
+                    fresh |= entry.bit
+        self._fresh = fresh
+
+    def feedback(self) -> Feedback:
+        """What has come since `begin_cycle`, in SI units at the joint; a joint is valid when all its TPDOs came."""
+        raw, fresh = self._raw, self._fresh
+        result = Feedback([], [], [], [], [])
+        add_valid, add_status = result.valid.append, result.statusword.append
+        add_q, add_dq, add_tau = result.q.append, result.dq.append, result.tau.append
+        for status, position, velocity, torque, k_q, zero, k_dq, k_tau, mask in self._axes:
+            if fresh & mask == mask:
+                add_valid(True)
+                add_status(raw[status])
+                add_q(raw[position] * k_q + zero)
+                add_dq(raw[velocity] * k_dq)
+                add_tau(raw[torque] * k_tau)
+            else:
+                add_valid(False)
+                add_status(-1)
+                add_q(_NAN)
+                add_dq(_NAN)
+                add_tau(_NAN)
+        return result
+
+    def raw_value(self, joint: int, name: str) -> int:
+        """Raw value of a mapped TPDO object of joint number ``joint`` as last received; KeyError when not mapped."""
+        return self._raw[self._places[joint, name]]
+
+
+class _BusOutput:
+    """All RPDOs of one bus as one struct: headers and values are arguments of a single ``pack_into``."""
+
+    def __init__(self, axes: list[tuple[int, Joint, Drive, tuple[PdoMap, ...], JointScale]], mode: Mode) -> None:
+        fmt, self._arguments = "<", list[int]()
+        self._axes: list[tuple[int, str, int, int, int, int, float, float, float, float]] = []
+        for i, joint, drive, maps, scale in axes:
+            slots = {"controlword": -1, "q": -1, "dq": -1, "tau": -1}
+            for pdo in maps:
+                if not pdo.receive:
+                    continue
+                fmt += "IB3x" + "".join(_CODES[drive.object(name).type] for name in pdo.names) + f"{8 - pdo.length}x"
+                self._arguments += [pdo.cob_id, pdo.length]
+                for name in pdo.names:
+                    quantity = COMMANDS[name]
+                    if quantity == "mode":
+                        self._arguments.append(MODE_CODES[mode])
+                        continue
+                    slots[quantity] = len(self._arguments)
+                    self._arguments.append(0)
+            self._axes.append(
+                (i, joint.name, slots["controlword"], slots["q"], slots["dq"], slots["tau"], *scale.command)
+            )
+        self._struct = struct.Struct(fmt)
+        self._buffer = bytearray(self._struct.size)
+
+    def encode(
+        self, controlword: Sequence[int], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
+    ) -> bytearray:
+        values = self._arguments
+        try:
+            for i, _, at_word, at_q, at_dq, at_tau, k_q, zero, k_dq, k_tau in self._axes:
+                values[at_word] = controlword[i]
+                if at_q >= 0:
+                    values[at_q] = round((q[i] - zero) * k_q)
+                if at_dq >= 0:
+                    values[at_dq] = round(dq[i] * k_dq)
+                if at_tau >= 0:
+                    values[at_tau] = round(tau[i] * k_tau)
+            self._struct.pack_into(self._buffer, 0, *values)
+        except (struct.error, ValueError, OverflowError):
+            raise CommandNotRepresentable(self._culprit(controlword, q, dq, tau)) from None
+        return self._buffer
+
+    def _culprit(
+        self, controlword: Sequence[int], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
+    ) -> str:
+        for i, name, _, at_q, at_dq, at_tau, k_q, zero, k_dq, k_tau in self._axes:
+            for at, value, raw, bits, what in (
+                (at_q, q[i], (q[i] - zero) * k_q, 32, "position {:g} rad"),
+                (at_dq, dq[i], dq[i] * k_dq, 32, "velocity {:g} rad/s"),
+                (at_tau, tau[i], tau[i] * k_tau, 16, "torque {:g} N·m"),
+            ):
+                # Mapped objects of other widths than 402's own would only move this bound of the sentence.
+                if at >= 0 and not -(2 ** (bits - 1)) - 0.5 <= raw <= 2 ** (bits - 1) - 0.5:
+                    return f"joint {name}: a {what.format(value)} cannot be sent to the drive"
+            if not 0 <= controlword[i] <= 0xFFFF:
+                return f"joint {name}: controlword {controlword[i]} is not 16 bits"
+        return "a command does not fit the mapped objects"
+
+
+def pdo_struct(pdo: PdoMap, drive: Drive, *, padded: bool) -> struct.Struct:
+    """The values of one PDO as a struct; ``padded`` to the 8 data bytes of a can_frame."""
+    codes = "".join(_CODES[drive.object(name).type] for name in pdo.names)
+    return struct.Struct("<" + codes + (f"{8 - pdo.length}x" if padded else ""))
+
+
+SYNC = pack(0x080)
+"""The SYNC frame (CiA 301; no counter)."""
+
+
+def heartbeat(node_id: int, state: int = 0x05) -> bytes:
+    """A heartbeat frame of a node: 05 operational, 7F pre-operational, 04 stopped."""
+    return pack(0x700 + node_id, bytes((state,)))
