@@ -1,0 +1,131 @@
+"""The 16-byte Linux ``struct can_frame``, and how many bits a frame occupies on the wire.
+
+Bits follow ISO 11898-1 (classical CAN): a five-in-a-row run, stuff bits included, is followed by a stuff bit of the
+other polarity from start of frame to the end of the CRC sequence. The count is exact for the frame at hand.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+FRAME_SIZE = 16
+EXTENDED = 0x8000_0000
+REMOTE = 0x4000_0000
+ERROR = 0x2000_0000
+MARK_ID = 0xFFFF_FFFF
+
+CAN_FRAME = struct.Struct("<IB3x8s")
+MARK = struct.Struct("<IB3xQ")
+
+INTERFRAME_BITS = 3
+_TRAILER_BITS = 10
+"""CRC delimiter, acknowledge slot and its delimiter, end of frame: never stuffed."""
+_CRC_POLYNOMIAL = 0x4599
+
+
+def frame(can_id: int, data: bytes = b"") -> bytes:
+    """One ``struct can_frame``: identifier with the kernel's flag bits, at most 8 data bytes."""
+    return CAN_FRAME.pack(can_id, len(data), data)
+
+
+def error_frame(error_class: int, data: bytes = bytes(8)) -> bytes:
+    """An error message as ``linux/can/error.h`` encodes it; it never occupies the bus."""
+    return CAN_FRAME.pack(ERROR | error_class, 8, data)
+
+
+def arbitration_key(can_id: int) -> int:
+    """Order in which identifiers win the bus: the smaller key wins.
+
+    The key is the arbitration field as sent: base identifier, RTR or SRR, IDE, extension, RTR. So a standard frame
+    wins over an extended one with the same base identifier, and a data frame over a remote one.
+    """
+    if can_id < 0x800:
+        return can_id << 21
+    remote = 1 if can_id & REMOTE else 0
+    if can_id & EXTENDED:
+        base, extension = (can_id >> 18) & 0x7FF, can_id & 0x3FFFF
+        return base << 21 | 1 << 20 | 1 << 19 | extension << 1 | remote
+    return (can_id & 0x7FF) << 21 | remote << 20
+
+
+def _stuff_table(width: int) -> bytes:
+    """Run of the stuffing automaton over every word of ``width`` bits from each of its eight states.
+
+    A state is ``bit << 2 | run - 1``, the last bit sent and how often it stands in a row (1 to 4; a fifth one is
+    followed by its stuff bit at once). Entry ``state << width | word`` is ``stuff bits << 3 | next state``.
+    """
+    words = np.tile(np.arange(1 << width, dtype=np.int64), 8)
+    state = np.repeat(np.arange(8, dtype=np.int64), 1 << width)
+    bit, run = state >> 2, (state & 3) + 1
+    count = np.zeros_like(words)
+    for shift in range(width - 1, -1, -1):
+        sent = words >> shift & 1
+        run = np.where(sent == bit, run + 1, 1)
+        stuffed = run == 5
+        bit = np.where(stuffed, 1 - sent, sent)
+        run = np.where(stuffed, 1, run)
+        count += stuffed
+    return (count << 3 | bit << 2 | run - 1).astype(np.uint8).tobytes()
+
+
+def _crc_table(bits_after: int) -> list[int]:
+    """CRC-15 contribution of every byte that ``bits_after`` further message bits follow (the CRC is linear)."""
+    values: NDArray[np.int64] = np.arange(256, dtype=np.int64) << 7
+    for _ in range(8 + bits_after):
+        values = np.where(values & 0x4000, values << 1 ^ _CRC_POLYNOMIAL, values << 1) & 0x7FFF
+    contribution: list[int] = values.tolist()
+    return contribution
+
+
+_STUFF_8, _STUFF_15 = _stuff_table(8), _stuff_table(15)
+_CRC = [_crc_table(8 * k) for k in range(8)]
+
+
+def _crc_step(crc: int, bit: int) -> int:
+    feedback = (crc >> 14 ^ bit) & 1
+    crc = crc << 1 & 0x7FFF
+    return crc ^ _CRC_POLYNOMIAL if feedback else crc
+
+
+@cache
+def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
+    """(data bytes, unstuffed bits in all, CRC contribution of the header, stuffing after the header)."""
+    remote = 1 if can_id & REMOTE else 0
+    if can_id & EXTENDED:
+        fields = [(0, 1), (can_id >> 18 & 0x7FF, 11), (3, 2), (can_id & 0x3FFFF, 18), (remote, 1), (0, 2), (length, 4)]
+    else:
+        fields = [(0, 1), (can_id & 0x7FF, 11), (remote, 1), (0, 2), (length, 4)]
+    bits = [value >> k & 1 for value, width in fields for k in range(width - 1, -1, -1)]
+    data_bytes = 0 if remote else length
+    crc = 0
+    for bit in bits + [0] * (8 * data_bytes):
+        crc = _crc_step(crc, bit)
+    last, run, stuffed = 1, 0, 0
+    for bit in bits:
+        run = run + 1 if bit == last else 1
+        last = bit
+        if run == 5:
+            stuffed, last, run = stuffed + 1, 1 - bit, 1
+    total = len(bits) + 8 * data_bytes + 15 + _TRAILER_BITS
+    return data_bytes, total, crc, stuffed << 3 | last << 2 | run - 1
+
+
+def frame_bits(raw: bytes) -> int:
+    """Bits from start of frame to end of frame, stuff bits included, interframe space not.
+
+    Args:
+        raw: one ``struct can_frame``.
+    """
+    can_id = int.from_bytes(raw[:4], "little")
+    data_bytes, bits, crc, state = _header(can_id, raw[4])
+    stuffed = state >> 3
+    for k in range(data_bytes):
+        byte = raw[8 + k]
+        crc ^= _CRC[data_bytes - 1 - k][byte]
+        state = _STUFF_8[(state & 7) << 8 | byte]
+        stuffed += state >> 3
+    return bits + stuffed + (_STUFF_15[(state & 7) << 15 | crc] >> 3)

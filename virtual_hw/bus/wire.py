@@ -1,0 +1,156 @@
+"""One CAN bus in simulated time: transmit queues, arbitration by identifier, bit times, delivery."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+
+from virtual_hw.bus.frames import INTERFRAME_BITS, arbitration_key, frame_bits
+
+FrameHandler = Callable[[int, bytes], None]
+"""Called with the time in ns and the ``struct can_frame``."""
+
+
+class Controller:
+    """One CAN controller on a bus: a finite transmit queue, and optionally an ear for every frame of the others."""
+
+    __slots__ = ("depth", "hear", "lost", "queued")
+
+    def __init__(self, depth: int, hear: FrameHandler | None = None) -> None:
+        self.depth = depth
+        self.hear = hear
+        self.queued = 0
+        self.lost = 0
+        """Frames dropped because the transmit queue was full."""
+
+
+class Bus:
+    """A bus that carries one frame after the other, the lowest waiting identifier first.
+
+    Every queued frame of every controller takes part in the arbitration; frames with one identifier keep their
+    order. A frame is delivered to all other controllers when its end of frame has passed.
+    """
+
+    def __init__(self, name: str, bitrate: int, start_ns: int) -> None:
+        """
+        Args:
+            name: the installation's name of the bus.
+            bitrate: bit/s.
+            start_ns: time at which the bus comes to life, ns.
+        """
+        self.name = name
+        self.clock_ns = start_ns
+        """Time up to which the bus has been simulated."""
+        self.frames = 0
+        """Frames carried since the start."""
+        self._bit_ns = 1e9 / bitrate
+        self._free_ns = start_ns
+        self._waiting: list[tuple[int, int, bytes, Controller]] = []
+        self._sequence = 0
+        self._on_wire: tuple[int, bytes, Controller] | None = None
+        self._ears: list[Controller] = []
+        self._handlers: dict[int, list[tuple[Controller, FrameHandler]]] = {}
+        self._at_once = False
+
+    def attach(self, controller: Controller) -> None:
+        """Connect a controller; one with an ear hears every frame of the others from now on."""
+        if controller.hear is not None:
+            self._ears.append(controller)
+
+    def detach(self, controller: Controller) -> None:
+        """Disconnect a controller: what it has queued is not sent, what is on the wire ends as it is."""
+        if controller in self._ears:
+            self._ears.remove(controller)
+        self._waiting = [entry for entry in self._waiting if entry[3] is not controller]
+        heapq.heapify(self._waiting)
+        controller.queued = 0
+
+    def listen(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
+        """Have ``handler`` called for every frame of others with this identifier (its acceptance filter)."""
+        self._handlers[can_id] = [*self._handlers.get(can_id, ()), (controller, handler)]
+
+    def ignore(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
+        """Undo a `listen`."""
+        remaining = [entry for entry in self._handlers[can_id] if entry != (controller, handler)]
+        if remaining:
+            self._handlers[can_id] = remaining
+        else:
+            del self._handlers[can_id]
+
+    def send(self, controller: Controller, raw: bytes) -> bool:
+        """Queue a frame at the present time; False when the controller's queue is full and the frame is lost."""
+        if self._at_once:
+            self._deliver(raw, controller)
+            return True
+        if controller.queued >= controller.depth:
+            controller.lost += 1
+            return False
+        controller.queued += 1
+        self._sequence += 1
+        key = arbitration_key(int.from_bytes(raw[:4], "little"))
+        heapq.heappush(self._waiting, (key, self._sequence, raw, controller))
+        return True
+
+    def exchange_at_once(self, controller: Controller, raw: bytes) -> None:
+        """Carry a frame and everything it gives rise to in no time at all, past all queues.
+
+        Lockstep answers configuration traffic so while time stands still.
+        """
+        self._at_once = True
+        try:
+            self._deliver(raw, controller)
+        finally:
+            self._at_once = False
+
+    def inject(self, controller: Controller, raw: bytes) -> None:
+        """Deliver a frame that ``controller`` brings from elsewhere, where its transmission has just ended."""
+        self._deliver(raw, controller)
+
+    def next_ns(self) -> int | None:
+        """When there is something to do: a frame ends or the next one may start; None when nothing is to be sent."""
+        if self._on_wire is None:
+            if not self._waiting:
+                return None
+            if self._free_ns > self.clock_ns:
+                return self._free_ns + 1
+            self._start()
+        assert self._on_wire is not None
+        return self._on_wire[0]
+
+    def run_until(self, t_ns: int) -> None:
+        """Carry all traffic whose transmission ends at or before ``t_ns``, reactions of the listeners included."""
+        while True:
+            if self._on_wire is None:
+                # A frame that would start just now waits: others may still join its arbitration.
+                if not self._waiting or self._free_ns >= t_ns or self.clock_ns >= t_ns:
+                    break
+                self._start()
+            assert self._on_wire is not None
+            end, raw, sender = self._on_wire
+            if end > t_ns:
+                break
+            self.clock_ns = end
+            self._on_wire = None
+            self._deliver(raw, sender)
+        self.clock_ns = t_ns
+
+    def _start(self) -> None:
+        _, _, raw, sender = heapq.heappop(self._waiting)
+        sender.queued -= 1
+        bits = frame_bits(raw)
+        start = max(self._free_ns, self.clock_ns)
+        end = start + round(bits * self._bit_ns)
+        self._free_ns = start + round((bits + INTERFRAME_BITS) * self._bit_ns)
+        self._on_wire = (end, raw, sender)
+
+    def _deliver(self, raw: bytes, sender: Controller) -> None:
+        self.frames += 1
+        now = self.clock_ns
+        for ear in self._ears:
+            if ear is not sender and ear.hear is not None:
+                ear.hear(now, raw)
+        handlers = self._handlers.get(int.from_bytes(raw[:4], "little"))
+        if handlers is not None:
+            for listener, handler in handlers:
+                if listener is not sender:
+                    handler(now, raw)

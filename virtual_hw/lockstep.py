@@ -1,0 +1,122 @@
+"""The stand-in in lockstep: time stands still until the host ticks (docs/architecture.md, "The local bus")."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from virtual_hw.bus.local import MARK_KIND, SERIAL, TICK, Connection, LocalPort, is_mark, mark
+from virtual_hw.rig import Rig
+
+START_NS = 1_700_000_000_000_000_000
+
+
+class Lockstep:
+    """Turns packets of the hosts into traffic and time."""
+
+    def __init__(self, rig: Rig, ports: Sequence[LocalPort]) -> None:
+        """
+        Args:
+            ports: one a bus, in the installation's order; ticks on the first one move time.
+        """
+        self._rig, self._ports = rig, ports
+        self._ticker: Connection | None = None
+
+    def hello_ns(self) -> int:
+        return self._rig.now_ns
+
+    def handle(self, connection: Connection) -> None:
+        """Act on what a connection has sent; the caller has not read it yet."""
+        alive = connection.receive()
+        if any(map(is_mark, connection.inbox)):
+            if connection.bus is self._ports[0].bus:
+                self._run(connection)
+        else:
+            self._configure(connection)
+        if not alive:
+            self._drop(connection)
+        self._flush()
+        self._rig.power_stage.run_ahead()
+
+    def _configure(self, connection: Connection) -> None:
+        """Traffic without a tick: SDO and NMT are answered in no time, all else waits for time to move."""
+        while connection.inbox:
+            raw = connection.inbox.popleft()
+            if _is_configuration(int.from_bytes(raw[:4], "little")):
+                connection.bus.exchange_at_once(connection.controller, raw)
+            else:
+                connection.transmit(raw)
+
+    def _run(self, connection: Connection) -> None:
+        if self._ticker is None:
+            self._ticker = connection
+        elif self._ticker is not connection:
+            print("A second host tried to move time; it was disconnected.", file=sys.stderr)
+            self._drop(connection)
+            return
+        others = [other for port in self._ports[1:] for other in port.connections]
+        for other in others:
+            if not other.receive():
+                self._drop(other)
+        inbox = connection.inbox
+        while inbox:
+            raw = inbox.popleft()
+            if not is_mark(raw):
+                connection.transmit(raw)
+                continue
+            t_ns = int.from_bytes(raw[8:], "little")
+            if raw[4] != TICK or t_ns < self._rig.now_ns:
+                print(f"A host sent a mark of kind {raw[4]} for {t_ns} ns; it was disconnected.", file=sys.stderr)
+                self._drop(connection)
+                return
+            self._advance(t_ns, others)
+
+    def _advance(self, t_ns: int, others: Sequence[Connection]) -> None:
+        rig = self._rig
+        while True:
+            due_ns = t_ns
+            for other in others:
+                due_ns = min(due_ns, _release(other, rig.now_ns))
+            rig.advance(due_ns)
+            if due_ns == t_ns:
+                break
+        marks = mark(MARK_KIND, t_ns)
+        serial = rig.power_stage.senses.serial_bytes
+        counts = b"".join(mark(SERIAL, number | (total & 0xFFFF_FFFF) << 32) for number, total in enumerate(serial))
+        for port in self._ports:
+            told = counts + marks if port is self._ports[0] else marks
+            for connection in port.connections:
+                connection.tell(told)
+
+    def _flush(self) -> None:
+        for port in self._ports:
+            for connection in [c for c in port.connections if not c.flush()]:
+                self._drop(connection)
+
+    def _drop(self, connection: Connection) -> None:
+        for port in self._ports:
+            if connection in port.connections:
+                port.drop(connection)
+        if self._ticker is connection:
+            self._ticker = None
+
+
+def _release(connection: Connection, now_ns: int) -> int:
+    """Send what is dated now or earlier; returns the date of what follows."""
+    inbox = connection.inbox
+    while inbox:
+        raw = inbox[0]
+        if is_mark(raw):
+            date_ns = int.from_bytes(raw[8:], "little")
+            if date_ns > now_ns:
+                return date_ns
+            inbox.popleft()
+        else:
+            connection.transmit(inbox.popleft())
+    return 1 << 64
+
+
+def _is_configuration(can_id: int) -> bool:
+    return can_id == 0x000 or 0x580 <= can_id <= 0x67F
+
+

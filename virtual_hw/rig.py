@@ -1,0 +1,79 @@
+"""Buses, drives, arm and sensors of one installation on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from config import Installation
+from virtual_hw.bus.wire import Bus
+from virtual_hw.drive.node import DriveNode
+from virtual_hw.drive.power_stage import Arm, PowerStage, SerialSensor
+
+
+class Rig:
+    """All of the stand-in but its sockets. Time is moved by `advance` alone."""
+
+    def __init__(self, installation: Installation, arm: Arm, sensors: Sequence[SerialSensor], start_ns: int) -> None:
+        """
+        Raises:
+            InputError: a drive's EDS is not that of a CiA 402 drive.
+        """
+        self.now_ns = start_ns
+        self.buses = [Bus(bus.name, bus.bitrate, start_ns) for bus in installation.bus]
+        self.power_stage = PowerStage(arm, installation.joint, sensors)
+        by_name = {bus.name: bus for bus in self.buses}
+        self.nodes = [
+            DriveNode(
+                joint, installation.drive_of(joint), by_name[joint.bus], arm.tick_ns, MotorOf(self.power_stage, i)
+            )
+            for i, joint in enumerate(installation.joint)
+        ]
+        self._tick_ns = arm.tick_ns
+        self._next_tick_ns = start_ns
+        senses = self.power_stage.senses
+        for i, node in enumerate(self.nodes):
+            node.axis.sense(senses.counts[i], senses.speed[i])
+
+    def advance(self, t_ns: int) -> None:
+        """Move time on to ``t_ns``: all bus traffic ended by then, all servo ticks up to and including it."""
+        while self._next_tick_ns <= t_ns:
+            tick = self._next_tick_ns
+            for bus in self.buses:
+                bus.run_until(tick)
+            self._servo_tick(tick)
+            self._next_tick_ns = tick + self._tick_ns
+        for bus in self.buses:
+            bus.run_until(t_ns)
+        self.now_ns = t_ns
+
+    def next_event_ns(self) -> int:
+        """When `advance` has something to do next."""
+        due = self._next_tick_ns
+        for bus in self.buses:
+            event = bus.next_ns()
+            if event is not None and event < due:
+                due = event
+        return due
+
+    def _servo_tick(self, now_ns: int) -> None:
+        stage = self.power_stage
+        senses = stage.at_tick()
+        counts, speed = senses.counts, senses.speed
+        torque = [node.tick(now_ns, counts[i], speed[i]) for i, node in enumerate(self.nodes)]
+        stage.demand(torque, [node.axis.brake for node in self.nodes])
+
+
+class MotorOf:
+    """One drive's view of the power stage: `virtual_hw.drive.node.MotorSenses`."""
+
+    def __init__(self, stage: PowerStage, i: int) -> None:
+        self._stage, self._i = stage, i
+
+    def torque_nm(self) -> float:
+        return self._stage.torque_nm(self._i)
+
+    def currents_a(self) -> tuple[float, float, float]:
+        return self._stage.currents_a(self._i)
+
+    def temperature_c(self) -> float:
+        return self._stage.temperature_c(self._i)
