@@ -37,7 +37,7 @@ class Wall(Section):
         if depth <= 0.0:
             return None
         push = self.stiffness_n_m * depth - self.damping_ns_m * float(normal @ velocity)
-        return normal * max(0.0, push)
+        return np.asarray(normal * max(0.0, push))
 
 
 class Push(Section):

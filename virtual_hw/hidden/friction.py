@@ -64,7 +64,9 @@ class Friction(Section):
     @model_validator(mode="after")
     def _some_level(self) -> Self:
         if self.level_nm == 0 and self.load_coefficient == 0 and self.level_negative_nm:
-            raise ValueError("level_nm is 0 while level_negative_nm is not: the bristles need a level; give a small one")
+            raise ValueError(
+                "level_nm is 0 while level_negative_nm is not: the bristles need a level; give a small one"
+            )
         return self
 
 

@@ -78,7 +78,9 @@ class HiddenMechanics(Section):
         inertias = {r.joint for r in self.rotor_inertia}
         for entry in self.elasticity:
             if entry.joint not in inertias:
-                raise ValueError(f"elasticity: joint {entry.joint!r} has no rotor_inertia; an elastic joint is two masses")
+                raise ValueError(
+                    f"elasticity: joint {entry.joint!r} has no rotor_inertia; an elastic joint is two masses"
+                )
         return self
 
 

@@ -1,7 +1,7 @@
 """The motor and its current loop: what becomes of a torque demand, and what the drive believes it made of it.
 
-    demand → delay → limit → first-order current loop → torque current i·K_T (what the drive measures)
-           → g·(1 + α·ΔT)·i·K_T, ripple, loss near zero, saturation → torque on the rotor
+demand → delay → limit → first-order current loop → torque current i·K_T (what the drive measures)
+       → g·(1 + α·ΔT)·i·K_T, ripple, loss near zero, saturation → torque on the rotor
 """
 
 from __future__ import annotations
@@ -134,7 +134,9 @@ class MotorState:
             self.kelvin += self._heating * heat - self._cooling * self.kelvin
 
 
-def phase_currents(law: Motor, torque_nm: float, q: float, noise: tuple[float, float, float]) -> tuple[float, float, float]:
+def phase_currents(
+    law: Motor, torque_nm: float, q: float, noise: tuple[float, float, float]
+) -> tuple[float, float, float]:
     """Phase currents in A that Eq. 4.10 turns back into ``torque_nm``, with the sensors' own errors.
 
     τ = K_T·(I_a sin θ + I_b sin(θ + 120°) + I_c sin(θ + 240°)), θ the electrical angle pole_pairs·q.

@@ -31,9 +31,7 @@ class Noise(Section):
 SILENT = Noise()
 
 
-def noise_rows(
-    channels: Sequence[Noise], period_s: float, seed: int, stream: int
-) -> Iterator[list[float]]:
+def noise_rows(channels: Sequence[Noise], period_s: float, seed: int, stream: int) -> Iterator[list[float]]:
     """Endless rows of one sample a channel, every ``period_s``; the same for the same ``seed`` and ``stream``."""
     rng = np.random.default_rng([seed, stream])
     white = np.array([c.white for c in channels])
@@ -43,9 +41,7 @@ def noise_rows(
     while True:
         block = rng.standard_normal((BLOCK, len(channels))) * white
         for k in np.flatnonzero(drive):
-            walk, last = lfilter(
-                [drive[k]], [1.0, -rho[k]], rng.standard_normal(BLOCK), zi=[rho[k] * coloured[k]]
-            )
+            walk, _ = lfilter([drive[k]], [1.0, -rho[k]], rng.standard_normal(BLOCK), zi=[rho[k] * coloured[k]])
             coloured[k] = walk[-1]
             block[:, k] += walk
         yield from block.tolist()

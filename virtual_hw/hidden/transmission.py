@@ -34,7 +34,8 @@ class Elasticity(Section):
 class SharedTransmission(Section):
     """Two joints share a transmission: friction and inertia on the combined speed w = dq + ratio·dq_other.
 
-    The combined coordinate spends b·w + c·sign(w) (bristles) and J·ẇ; the joint feels it once, the other ``ratio`` times.
+    The combined coordinate spends b·w + c·sign(w) (bristles) and J·ẇ; the joint feels it once, the
+    other ``ratio`` times.
     """
 
     joint: Name
@@ -62,7 +63,7 @@ class TwoMassSpring:
         self._cubic, self._half_gap = law.cubic_nm_rad3, 0.5 * law.gap_rad
 
     def torque(self, twist: float, twist_rate: float) -> float:
-        """Torque on the link, N·m, for the motor ahead of the link by ``twist`` rad, growing by ``twist_rate`` rad/s."""
+        """Torque on the link, N·m, for a motor ``twist`` rad ahead of it, gaining ``twist_rate`` rad/s."""
         gap = self._half_gap
         if twist > gap:
             x = twist - gap

@@ -16,7 +16,7 @@ from virtual_hw.hidden.friction import BristleFriction, Friction
 from virtual_hw.hidden.joint_sensors import AngleSensor, TorqueSensor, VelocitySensor
 from virtual_hw.hidden.mechanics import HiddenMechanics
 from virtual_hw.hidden.motor import Motor, MotorState
-from virtual_hw.hidden.noise import Noise
+from virtual_hw.hidden.noise import SILENT, Noise
 from virtual_hw.hidden.periodic import Harmonics
 from virtual_hw.hidden.transmission import TwoMassSpring
 from virtual_hw.plant.joint import DriveTrain
@@ -66,7 +66,7 @@ def assemble(installation: Installation, hidden: HiddenMechanics) -> PlantParts:
     if installation.cycle.period_ns % tick_ns:
         raise InputError(
             f"{installation.path}: cycle.rate_hz",
-            f"its period of {installation.cycle.period_ns / 1e3:g} µs is no multiple of the servo tick, {hidden.tick_us} µs",
+            f"its {installation.cycle.period_ns / 1e3:g} µs are no multiple of the servo tick, {hidden.tick_us} µs",
             "choose tick_us of the hidden mechanics to divide the period",
         )
     body = build_multibody(installation, hidden)
@@ -190,8 +190,7 @@ def _sensors(installation: Installation, joint: Joint, hidden: HiddenMechanics, 
 
 
 def _noise(hidden: HiddenMechanics, joint: str) -> tuple[Noise, ...]:
-    angle, velocity, torque, motor = (
-        _of(table, joint) for table in (hidden.angle_sensor, hidden.velocity_sensor, hidden.torque_sensor, hidden.motor)
-    )
-    phase = Noise(white=motor.phase_noise_a if motor else 0.0)
-    return (*(sensor.noise if sensor else Noise() for sensor in (angle, velocity, torque)), phase, phase, phase)
+    angle, velocity = _of(hidden.angle_sensor, joint), _of(hidden.velocity_sensor, joint)
+    torque, motor = _of(hidden.torque_sensor, joint), _of(hidden.motor, joint)
+    phase = Noise(white=motor.phase_noise_a) if motor else SILENT
+    return (*(sensor.noise if sensor else SILENT for sensor in (angle, velocity, torque)), phase, phase, phase)

@@ -12,6 +12,7 @@ Angle and speed belong to the same instant and are of second order: an arm witho
 
 from __future__ import annotations
 
+import struct
 from collections import deque
 from collections.abc import Sequence
 
@@ -45,7 +46,6 @@ class Plant:
         self._trains: list[DriveTrain] = parts.trains
         self._sensors: list[JointSensors] = parts.sensors
         self._motors: list[Motor] = parts.motors
-        self._encoder_on_link = parts.encoder_on_link
         self._noise = noise_rows(parts.noise, parts.tick_ns * 1e-9, seed, stream=0)
         self._noise_row = next(self._noise)
         self._shafts: list[SharedShaft] = parts.shafts
@@ -63,9 +63,20 @@ class Plant:
         self._q: list[float] = body.data.qpos.tolist()
         self._dq = [0.0] * len(self._q)
         self._ddq = [0.0] * len(self._q)
-        # Views that live as long as the model: assignment to them is the cheapest way in.
-        self._qpos, self._qvel, self._qfrc = body.data.qpos, body.data.qvel, body.data.qfrc_applied
-        self._qacc, self._armature = body.data.qacc, body.model.dof_armature
+        self._driven = tuple(zip(self._trains, body.dof, strict=True))
+        self._sensed = tuple(
+            (sensors, train, dof, on_link, i * NOISE_CHANNELS)
+            for i, (sensors, train, dof, on_link) in enumerate(
+                zip(parts.sensors, parts.trains, body.dof, parts.encoder_on_link, strict=True)
+            )
+        )
+        # Bytes of MuJoCo's own vectors: packing into them is the cheapest way in.
+        self._pack = struct.Struct(f"{len(self._q)}d").pack_into
+        self._qpos, self._qvel, self._qfrc, self._armature = (
+            memoryview(vector).cast("B")
+            for vector in (body.data.qpos, body.data.qvel, body.data.qfrc_applied, body.model.dof_armature)
+        )
+        self._qacc = body.data.qacc
 
     def advance(self, torque_nm: Sequence[float], brake: Sequence[bool]) -> None:
         """One servo tick with these torque demands (N·m at the joint) and brakes (True holds)."""
@@ -77,26 +88,20 @@ class Plant:
             self._step(self.time_ns * 1e-9 + k * self._h)
         self.time_ns += self.tick_ns
         self._noise_row = noise = next(self._noise)
-        k = 0
-        for sensors, train, dof, on_link in zip(
-            self._sensors, self._trains, self._dof, self._encoder_on_link, strict=True
-        ):
-            if on_link:
-                angle, speed = self._q[dof], self._dq[dof]
-            else:
-                angle, speed = train.angle, train.speed
+        for sensors, train, dof, on_link, k in self._sensed:
+            angle, speed = (self._q[dof], self._dq[dof]) if on_link else (train.angle, train.speed)
             sensors.sample(angle, speed, train.motor.current_nm, noise[k], noise[k + 1], noise[k + 2])
-            k += NOISE_CHANNELS
 
     def _step(self, t: float) -> None:
         h = self._h
         half = 0.5 * h
         q, dq = self._q, self._dq
-        q_mid = [a + half * b for a, b in zip(q, dq, strict=True)]
-        dq_mid = [a + half * b for a, b in zip(dq, self._ddq, strict=True)]
+        axes = range(len(q))
+        q_mid = [q[i] + half * dq[i] for i in axes]
+        dq_mid = [dq[i] + half * self._ddq[i] for i in axes]
         applied = [0.0] * len(q)
         armature = self._rotor_armature.copy()
-        for train, dof in zip(self._trains, self._dof, strict=True):
+        for train, dof in self._driven:
             speed = dq[dof]
             train.load(q[dof], speed, q_mid[dof], dq_mid[dof], t, h)
             implicit = train.implicit
@@ -109,15 +114,16 @@ class Plant:
             beat.load(q_mid, applied)
         if self._outside:
             self._outside.apply(t)
-        self._qpos[:] = q_mid
-        self._qvel[:] = dq_mid
-        self._qfrc[:] = applied
-        self._armature[:] = armature
+        pack = self._pack
+        pack(self._qpos, 0, *q_mid)
+        pack(self._qvel, 0, *dq_mid)
+        pack(self._qfrc, 0, *applied)
+        pack(self._armature, 0, *armature)
         mujoco.mj_forward(self._model, self._data)
         self._ddq = ddq = self._qacc.tolist()
-        self._dq = dq = [a + h * b for a, b in zip(dq, ddq, strict=True)]
-        self._q = q = [a + half * b for a, b in zip(q_mid, dq, strict=True)]
-        for train, dof in zip(self._trains, self._dof, strict=True):
+        self._dq = dq = [dq[i] + h * ddq[i] for i in axes]
+        self._q = q = [q_mid[i] + half * dq[i] for i in axes]
+        for train, dof in self._driven:
             train.settle(q[dof], dq[dof], h)
         for shaft in self._shafts:
             shaft.settle(dq, h)

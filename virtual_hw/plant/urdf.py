@@ -82,7 +82,9 @@ def read_urdf(path: Path) -> UrdfTree:
             if end not in links:
                 raise InputError(f"{path}: joint {joint.name}", f"names the link {end!r}, which is not there", "add it")
         if joint.child in joints:
-            raise InputError(f"{path}: link {joint.child}", "is the child of two joints", "a URDF is a tree; remove one")
+            raise InputError(
+                f"{path}: link {joint.child}", "is the child of two joints", "a URDF is a tree; remove one"
+            )
         joints[joint.child] = joint
     roots = [link for link in links if link not in joints]
     if len(roots) != 1:
