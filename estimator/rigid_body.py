@@ -139,7 +139,9 @@ def load_rigid_body(
             raise InputError(place, f"has no moving joint {name!r}", f"its joints are {', '.join(known) or 'none'}")
     doubled = sorted({name for name in wanted if wanted.count(name) > 1 or name in hold})
     if doubled:
-        raise InputError(place, f"joint {', '.join(doubled)} is named twice", "a joint is either recorded or held, once")
+        raise InputError(
+            place, f"joint {', '.join(doubled)} is named twice", "a joint is either recorded or held, once"
+        )
     if not wanted:
         raise InputError(place, "has no joint that moves", "name the recorded joints as in the URDF")
     held = {name: float(hold.get(name, 0.0)) for name in known if name not in wanted}

@@ -1,0 +1,192 @@
+"""Zero-phase filters: what is done to the torque is done to every column of the regressor, sample for sample.
+
+Any linear operation that both sides of tau = K·psi share leaves the equation true; an operation on one side alone does
+not, and the difference looks like friction or elasticity. Two stages:
+
+1. *Kinematics.* Angles are smoothed and differentiated by one family of kernels (a Kaiser-windowed sinc and its
+   analytic derivatives), flat well beyond the band of the motion.
+2. *Parallel decimation.* The rows of [regressor | torque] go through a root-raised-cosine low-pass and are decimated to
+   twice its band. Its squared response sums to one over the aliases, so white noise stays white: least squares on the
+   decimated rows wastes nothing and needs no correction for the filter's own correlation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import oaconvolve, periodogram
+
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_STOP_BAND_DB = 60.0
+_ROLL_OFF = 0.5
+_SPAN = 12
+"""Length of the decimating kernel in output samples."""
+
+
+@dataclass(frozen=True)
+class FilterPlan:
+    """Rates and kernels for recordings of one sampling rate. Make it with `plan_filter`."""
+
+    rate: float
+    """Hz of the uniform grid that the recording is brought onto."""
+    band: float
+    """Hz: half-power edge of the parallel low-pass."""
+    stride: int
+    """The regressor is evaluated at every stride-th sample of the grid."""
+    decimation: int
+    """Evaluations a decimated row."""
+    smooth: Array
+    """Odd-length kernel of the kinematics' low-pass."""
+    slope: Array
+    """Its derivative, 1/s."""
+    curvature: Array
+    """Its second derivative, 1/s²."""
+
+    @property
+    def edge(self) -> int:
+        """Samples at either end of a segment whose kinematics are unknown."""
+        return len(self.smooth) // 2
+
+    @property
+    def row_rate(self) -> float:
+        """Decimated rows a second."""
+        return self.rate / (self.stride * self.decimation)
+
+
+def plan_filter(rate: float, band: float, stride_limit: int = 8) -> FilterPlan:
+    """Kernels for a sampling rate (Hz) and a band (Hz); the band is lowered to what the rate can carry."""
+    band = min(band, 0.2 * rate)
+    passes, stops = min(2.0 * band, 0.3 * rate), min(4.0 * band, 0.48 * rate)
+    beta = 0.1102 * (_STOP_BAND_DB - 8.7)
+    half = int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * (stops - passes) / rate) / 2))
+    smooth, slope, curvature = _windowed_sinc(half, (passes + stops) / 2, rate, beta)
+    total = max(1, int(rate / (2.0 * band)))
+    stride = max(1, min(stride_limit, int(rate / (2.5 * stops))))
+    decimation = max(1, total // stride)
+    return FilterPlan(rate, rate / (2.0 * stride * decimation), stride, decimation, smooth, slope, curvature)
+
+
+def _windowed_sinc(half: int, cutoff: float, rate: float, beta: float) -> tuple[Array, Array, Array]:
+    """Low-pass kernel and its first two derivatives, each exact on polynomials of its own degree."""
+    samples = np.arange(-half, half + 1)
+    oversampling = 64
+    fine = np.arange(-half * oversampling, half * oversampling + 1) / oversampling
+    kernel = np.sinc(2.0 * cutoff / rate * fine) * np.kaiser(len(fine), beta)
+    smooth_curve = CubicSpline(fine, kernel)
+    smooth = smooth_curve(samples)
+    smooth = smooth / smooth.sum()
+    slope = smooth_curve(samples, 1)
+    slope = slope / -(slope @ samples) * rate
+    curvature = smooth_curve(samples, 2)
+    curvature = curvature - smooth * curvature.sum()
+    curvature = curvature * 2.0 / (curvature @ samples**2) * rate**2
+    return smooth, slope, curvature
+
+
+def convolve(x: Array, kernel: Array) -> Array:
+    """Zero-phase convolution along the first axis, only where the kernel lies wholly inside: (N − len + 1, …)."""
+    result: Array = oaconvolve(x, kernel[:, None], mode="valid", axes=0)
+    return result
+
+
+def root_raised_cosine(decimation: int) -> Array:
+    """Kernel of unit gain at rest for a decimation by this factor, centred at the middle of its 12·decimation taps.
+
+    White noise of variance v comes out white, with variance v / decimation.
+    """
+    length = _SPAN * decimation
+    u = (np.arange(length) - length / 2) / decimation
+    r = _ROLL_OFF
+    with np.errstate(divide="ignore", invalid="ignore"):
+        numerator = np.sin(np.pi * u * (1 - r)) + 4 * r * u * np.cos(np.pi * u * (1 + r))
+        kernel = numerator / (np.pi * u * (1 - (4 * r * u) ** 2))
+    kernel[np.abs(u) < 1e-12] = 1 - r + 4 * r / np.pi
+    singular = np.abs(np.abs(4 * r * u) - 1) < 1e-9
+    kernel[singular] = (
+        r / np.sqrt(2) * ((1 + 2 / np.pi) * np.sin(np.pi / (4 * r)) + (1 - 2 / np.pi) * np.cos(np.pi / (4 * r)))
+    )
+    kernel[0] = 0.0
+    return np.asarray(kernel / decimation)
+
+
+class Decimator:
+    """The parallel filter as one matrix product a block: rows (channels, N) → (channels, ceil(N / decimation)).
+
+    Output k is centred at sample k·decimation. Beyond the ends the rows count as zero, for regressor and torque
+    alike, so the equation stays true there too.
+    """
+
+    def __init__(self, decimation: int) -> None:
+        self.decimation = decimation
+        self._phases = np.ascontiguousarray(root_raised_cosine(decimation).reshape(_SPAN, decimation).T)
+
+    def __call__(self, rows: Array) -> Array:
+        if self.decimation == 1:
+            return rows
+        channels, samples = rows.shape
+        outputs = -(-samples // self.decimation)
+        lead = (_SPAN // 2) * self.decimation
+        padded = np.zeros((channels, outputs + _SPAN, self.decimation))
+        padded.reshape(channels, -1)[:, lead : lead + samples] = rows
+        products = padded @ self._phases
+        result = np.zeros((channels, outputs))
+        for phase in range(_SPAN):
+            result += products[:, phase : phase + outputs, phase]
+        return result
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed kinematics on the uniform grid: (samples, n) each, the ends that the kernel cannot reach cut off."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+def smooth_motion(plan: FilterPlan, q: Array, dq: Array | None, ddq: Array | None) -> Motion:
+    """Kinematics of one uniformly sampled segment; what was not measured is differentiated."""
+    first = convolve(dq, plan.smooth) if dq is not None else convolve(q, plan.slope)
+    if ddq is not None:
+        second = convolve(ddq, plan.smooth)
+    elif dq is not None:
+        second = convolve(dq, plan.slope)
+    else:
+        second = convolve(q, plan.curvature)
+    return Motion(convolve(q, plan.smooth), first, second)
+
+
+def resample(t: Array, channels: Array, rate: float) -> Array:
+    """Channels (samples, k) of jittered time onto a uniform grid, linearly; untouched when the grid is uniform already."""
+    count = int(round((t[-1] - t[0]) * rate)) + 1
+    grid = t[0] + np.arange(count) / rate
+    if count == len(t) and np.abs(grid - t).max() < 0.02 / rate:
+        return channels
+    grid = grid[grid <= t[-1]]
+    left = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
+    weight = ((grid - t[left]) / (t[left + 1] - t[left]))[:, None]
+    return np.asarray(channels[left] * (1.0 - weight) + channels[left + 1] * weight)
+
+
+def motion_band(trajectories: list[Trajectory] | tuple[Trajectory, ...], share: float = 0.999) -> float:
+    """Hz below which ``share`` of the velocities' energy lies, the widest joint of the widest recording."""
+    widest = 0.0
+    for trajectory in trajectories:
+        piece = next(trajectory.segments(longest=200_000, overlap=0), None)
+        if piece is None:
+            continue
+        rate = trajectory.rate
+        q = resample(trajectory.t[piece], trajectory.q[piece], rate)
+        velocity = np.diff(q, axis=0) * rate
+        energetic = velocity.std(axis=0) > 0.02 * velocity.std(axis=0).max()
+        frequency, power = periodogram(velocity[:, energetic], rate, window="hann", axis=0)
+        cumulative = np.cumsum(power, axis=0) / np.sum(power, axis=0)
+        reached = [float(frequency[np.searchsorted(cumulative[:, k], share)]) for k in range(cumulative.shape[1])]
+        widest = max(widest, *reached)
+    return widest

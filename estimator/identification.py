@@ -1,0 +1,139 @@
+"""What identifying links gives: values with errors, what the data cannot tell, and how well the torques fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from estimator.base_parameters import BaseParameters
+from estimator.rigid_body import RigidBody
+from estimator.terms import PARAMETER_OF, Term
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TorqueResidual:
+    """Of one joint, in the band of the estimate: rms of the residual (N·m), relative to the torque's own rms, and the
+    rms that measurement noise alone would leave (white noise assumed, as strong as above the band)."""
+
+    rms: float
+    relative: float
+    noise_rms: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Torque residuals over some recordings; `relative_error` is 100·‖residual‖/‖measured‖ over all joints, in percent."""
+
+    joints: dict[str, TorqueResidual]
+    relative_error: float
+    samples: int
+    rows: int
+
+
+@dataclass(frozen=True)
+class LinkIdentification:
+    """Identified links. Unknowns are the base parameters, then the terms."""
+
+    body: RigidBody
+    base: BaseParameters
+    terms: tuple[Term, ...]
+    value: Array
+    """(rank + terms,)"""
+    covariance: Array
+    """Of `value`; NaN rows for base parameters that the motion did not excite."""
+    degrees_of_freedom: float
+    """Of the standard errors, for Student's intervals."""
+    estimator: str
+    band: float
+    """Hz: half-power edge of the low-pass that regressor and torque share."""
+    samples: int
+    duration: float
+    """s"""
+    condition_number: float
+    """Of the base regressor with columns scaled to unit length."""
+    fit: Fit
+    hold_out: Fit | None
+    status: str
+    """``identified``, ``too little motion`` or ``too little data``."""
+    warnings: tuple[str, ...] = ()
+    tests: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def beta(self) -> Array:
+        """(rank,) base parameters."""
+        return self.value[: self.base.rank]
+
+    @property
+    def standard_error(self) -> Array:
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """(P, 2) confidence intervals of base parameters and terms."""
+        half = student.ppf(0.5 + level / 2.0, self.degrees_of_freedom) * self.standard_error
+        return np.column_stack([self.value - half, self.value + half])
+
+    def full_parameters(self, prior: Array | None = None) -> Array:
+        """(10·n,) inertial parameters with the identified base parameters that are nearest ``prior`` (zero: as ridge
+        regression with vanishing d would have them, Eq. 4.9). No promise of physical consistency."""
+        start = np.zeros(self.base.combination.shape[1]) if prior is None else np.asarray(prior, dtype=float)
+        correction = np.linalg.pinv(self.base.combination) @ (self.beta - self.base.combination @ start)
+        return np.asarray(start + correction)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data, SI units; NaN becomes None."""
+        errors = self.standard_error
+        rank = self.base.rank
+        return {
+            "samples": self.samples,
+            "duration": self.duration,
+            "estimator": self.estimator,
+            "band": self.band,
+            "joints": list(self.body.joints),
+            "held": dict(self.body.held),
+            "base_parameters": [
+                {"name": name, "value": float(value), "standard_error": _plain(error), "unit": unit}
+                for name, value, error, unit in zip(
+                    self.base.names, self.beta, errors[:rank], self.base.units, strict=True
+                )
+            ],
+            "effects": [
+                {
+                    "effect": term.name,
+                    "joint": self.body.joints[term.joint],
+                    "parameter": PARAMETER_OF[term.name][0],
+                    "value": float(value),
+                    "standard_error": _plain(error),
+                    "unit": PARAMETER_OF[term.name][1],
+                    **({"width": term.width} if term.name == "coulomb_friction" else {}),
+                }
+                for term, value, error in zip(self.terms, self.value[rank:], errors[rank:], strict=True)
+            ],
+            "identifiability": {
+                "alone": list(self.base.alone),
+                "combined": list(self.base.combined),
+                "not": list(self.base.absent),
+            },
+            "torque_residual": _residuals(self.fit),
+            "relative_error": self.fit.relative_error,
+            "hold_out": None if self.hold_out is None else _residuals(self.hold_out),
+            "hold_out_relative_error": None if self.hold_out is None else self.hold_out.relative_error,
+            "condition_number": self.condition_number,
+            "status": self.status,
+            "warnings": list(self.warnings),
+            "tests": self.tests,
+        }
+
+
+def _residuals(fit: Fit) -> dict[str, dict[str, float]]:
+    return {joint: {"rms": r.rms, "relative": r.relative, "noise_rms": r.noise_rms} for joint, r in fit.joints.items()}
+
+
+def _plain(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

@@ -1,0 +1,258 @@
+"""Identifies the links of an arm from recorded motion (thesis, chapter 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config import InputError
+from estimator.base_parameters import base_parameters
+from estimator.filtering import motion_band
+from estimator.identification import Fit, LinkIdentification, TorqueResidual
+from estimator.normal_equations import (
+    NormalEquations,
+    Solution,
+    assemble,
+    excited,
+    residual_autocovariance,
+    solve,
+    torque_power,
+)
+from estimator.rigid_body import RigidBody
+from estimator.rows import Layout, make_layout, sum_up
+from estimator.sums import Sums
+from estimator.terms import TERM_NAMES, TermName, candidate_terms
+from estimator.trajectory import Trajectory
+from estimator.whitening import white_weight, whitening_weight
+
+Array = NDArray[np.float64]
+
+Estimator = Literal["least_squares", "weighted", "instrumental_variables"]
+
+_BAND_OVER_MOTION = 10.0
+"""The torque of a motion holds harmonics of its velocity; ten times its band keeps them."""
+_LEAST_BAND = 5.0
+_WIDTHS = np.array([0.003, 0.03, 0.15])
+"""Widths of the friction sigmoid to choose from, as shares of the joint's rms speed."""
+_EXCITED = 1e-6
+_REWEIGHTINGS = 3
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """How to identify. ``band_hz`` None: taken from the motion. ``terms``: what may be fitted beside the rigid body;
+    each is kept only where the data support it, unless ``select_terms`` is false."""
+
+    estimator: Estimator = "weighted"
+    band_hz: float | None = None
+    terms: tuple[TermName, ...] = TERM_NAMES
+    select_terms: bool = True
+
+
+def identify_links(
+    body: RigidBody,
+    trajectories: Sequence[Trajectory],
+    options: LinkOptions | None = None,
+    hold_out: Sequence[Trajectory] = (),
+) -> LinkIdentification:
+    """Base parameters, friction, rotor inertias and offsets with standard errors.
+
+    One pass sums the recordings up; everything else is algebra on the sums. ``weighted`` weights each joint by its
+    noise and whitens its colour, iteratively; ``instrumental_variables`` takes the regressor of the commanded motion
+    as instruments, so that noise in angles and velocities does not bias the answer; all trajectories must then
+    have `Trajectory.q_desired`.
+
+    Raises InputError for recordings that do not fit the arm, or have no usable motion.
+    """
+    options = options or LinkOptions()
+    _check(body, trajectories, options)
+    base = base_parameters(body)
+    band = options.band_hz or max(_BAND_OVER_MOTION * motion_band(tuple(trajectories)), _LEAST_BAND)
+    candidates = candidate_terms(options.terms, _friction_widths(trajectories))
+    by_instruments = options.estimator == "instrumental_variables"
+    layout = make_layout(body, base, candidates, instruments=by_instruments)
+    sums = sum_up(layout, trajectories, band)
+    if sums.rows < 2 * layout.size / body.n:
+        raise InputError(
+            "recordings",
+            f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns in a band of {band:.3g} Hz",
+            "record longer motion",
+        )
+    chosen, weights, solution = _estimate(layout, sums, options, by_instruments)
+    return _result(layout, sums, options, hold_out, band, chosen, weights, solution)
+
+
+def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
+    if not trajectories:
+        raise InputError("recordings", "there are none", "give at least one")
+    for trajectory in trajectories:
+        if trajectory.q.shape[1] != body.n:
+            raise InputError(
+                trajectory.name,
+                f"has {trajectory.q.shape[1]} joints, the arm has {body.n} ({', '.join(body.joints)})",
+                "select the arm's joints, or hold the others",
+            )
+        if options.estimator == "instrumental_variables" and trajectory.q_desired is None:
+            raise InputError(
+                trajectory.name, "has no commanded motion to take instruments from", "use the estimator 'weighted'"
+            )
+    speeds = np.max([np.nanmax(np.abs(np.diff(t.q, axis=0)), axis=0) for t in trajectories], axis=0)
+    if not np.any(speeds > 0.0):
+        raise InputError("recordings", "no joint moves", "record motion that excites the arm")
+
+
+def _friction_widths(trajectories: Sequence[Trajectory]) -> Array:
+    """(n, 3) rad/s from each joint's rms speed."""
+    square, duration = 0.0, 0.0
+    for trajectory in trajectories:
+        q = trajectory.q[:: max(1, round(trajectory.rate / 50.0))]
+        t = trajectory.t[:: max(1, round(trajectory.rate / 50.0))]
+        steps = np.diff(t)[:, None]
+        square = square + np.nansum(np.diff(q, axis=0) ** 2 / steps, axis=0)
+        duration += float(t[-1] - t[0])
+    speed = np.sqrt(np.asarray(square) / duration)
+    return np.asarray(np.maximum(speed, 1e-3 * speed.max())[:, None] * _WIDTHS)
+
+
+def _estimate(
+    layout: Layout, sums: Sums, options: LinkOptions, by_instruments: bool
+) -> tuple[list[int], Array, Solution]:
+    """Chosen unknowns, weights (n, LAGS), and their solution."""
+    power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
+    weights = np.array([white_weight(p) for p in power])
+    equations = assemble(layout, sums, weights)
+    chosen = _one_width_a_joint(layout, equations, excited(equations, layout.base.rank, _EXCITED))
+    if options.estimator != "least_squares":
+        weights = _reweighted(layout, sums, chosen, weights)
+    else:
+        weights = np.array([white_weight(1.0)] * layout.body.n)
+    equations = assemble(layout, sums, weights, by_instruments)
+    if options.select_terms:
+        chosen = _supported(layout, equations, chosen, sums.rows * layout.body.n)
+        if options.estimator != "least_squares":
+            weights = _reweighted(layout, sums, chosen, weights)
+            equations = assemble(layout, sums, weights, by_instruments)
+    return chosen, weights, solve(equations.of(chosen))
+
+
+def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array) -> Array:
+    """Weights from the residuals of the weighted solution, a few times over."""
+    for _ in range(_REWEIGHTINGS):
+        equations = assemble(layout, sums, weights).of(chosen)
+        unknowns = np.zeros(layout.size)
+        unknowns[chosen] = np.linalg.solve(equations.matrix.sum(axis=0), equations.right.sum(axis=0))
+        covariance = residual_autocovariance(layout, sums.batches, unknowns)
+        floor = 1e-14 * torque_power(layout, sums.batches) + np.finfo(float).tiny
+        covariance[:, 0] = np.maximum(covariance[:, 0], floor)
+        free = max(1.0, sums.rows - len(chosen) / layout.body.n) / sums.rows
+        weights = np.array([whitening_weight(row / free, sums.rows) for row in covariance])
+    return weights
+
+
+def _one_width_a_joint(layout: Layout, equations: NormalEquations, chosen: list[int]) -> list[int]:
+    """Of the friction sigmoids of a joint only the one that fits best, others as they are."""
+    place = layout.base.rank
+    total, right = equations.matrix.sum(axis=0), equations.right.sum(axis=0)
+    for terms in layout.terms:
+        widths = [place + k for k, term in enumerate(terms) if term.name == "coulomb_friction"]
+        place += len(terms)
+        gain: dict[int, float] = {}
+        for width in widths:
+            if width in chosen:
+                trial = [k for k in chosen if k not in widths or k == width]
+                solution = np.linalg.solve(total[np.ix_(trial, trial)], right[trial])
+                gain[width] = float(right[trial] @ solution)
+        best = max(gain, key=lambda k: gain[k], default=-1)
+        chosen = [k for k in chosen if k not in widths or k == best]
+    return chosen
+
+
+def _supported(layout: Layout, equations: NormalEquations, chosen: list[int], rows: int) -> list[int]:
+    """Drops terms, the least supported first, until each one's squared t-value exceeds log(rows).
+
+    That is the Bayesian information criterion with the colour of the noise in the standard errors.
+    """
+    threshold = np.log(rows)
+    while True:
+        solution = solve(equations.of(chosen))
+        support = {
+            k: float(solution.value[j] ** 2 / solution.covariance[j, j])
+            for j, k in enumerate(chosen)
+            if k >= layout.base.rank
+        }
+        weakest = min(support, key=lambda k: support[k], default=-1)
+        if weakest < 0 or support[weakest] > threshold:
+            return chosen
+        chosen = [k for k in chosen if k != weakest]
+
+
+def _result(
+    layout: Layout,
+    sums: Sums,
+    options: LinkOptions,
+    hold_out: Sequence[Trajectory],
+    band: float,
+    chosen: list[int],
+    weights: Array,
+    solution: Solution,
+) -> LinkIdentification:
+    rank = layout.base.rank
+    all_terms = [term for terms in layout.terms for term in terms]
+    kept_terms = [k for k in chosen if k >= rank]
+    reported = [*range(rank), *kept_terms]
+    unknowns, covariance = np.zeros(layout.size), np.full((layout.size, layout.size), np.nan)
+    unknowns[chosen] = solution.value
+    covariance[np.ix_(chosen, chosen)] = solution.covariance
+    missing = [layout.base.names[k] for k in range(rank) if k not in chosen]
+    equations = assemble(layout, sums, weights)
+    information = equations.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
+    scale = np.sqrt(np.diag(information))
+    eigenvalues = np.linalg.eigvalsh(information / np.outer(scale, scale))
+    status = "identified"
+    warnings: list[str] = []
+    if missing:
+        status = "too little motion"
+        warnings.append(f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, missing)} more")
+    elif solution.degrees_of_freedom == 0.0:
+        status = "too little data"
+        warnings.append("too short for standard errors: record longer, or several motions")
+    held_out = None
+    if hold_out:
+        held_out = _fit(layout, sum_up(layout, hold_out, band), unknowns)
+    return LinkIdentification(
+        body=layout.body,
+        base=layout.base,
+        terms=tuple(all_terms[k - rank] for k in kept_terms),
+        value=unknowns[reported],
+        covariance=covariance[np.ix_(reported, reported)],
+        degrees_of_freedom=solution.degrees_of_freedom,
+        estimator=options.estimator,
+        band=band,
+        samples=sums.samples,
+        duration=sums.duration,
+        condition_number=float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], 1e-300))),
+        fit=_fit(layout, sums, unknowns),
+        hold_out=held_out,
+        status=status,
+        warnings=tuple(warnings),
+    )
+
+
+def _idle_joints(layout: Layout, missing: list[str]) -> str:
+    links = sorted({int(name.split()[0].lstrip("-0123456789.").lstrip("mcxyzI")) for name in missing})
+    return ", ".join(layout.body.joints[link - 1] for link in links)
+
+
+def _fit(layout: Layout, sums: Sums, unknowns: Array) -> Fit:
+    variance = residual_autocovariance(layout, sums.batches, unknowns)[:, 0]
+    power = torque_power(layout, sums.batches)
+    noise = np.zeros(layout.body.n) if sums.high_frequency is None else sums.high_frequency / sums.rows
+    joints = {
+        name: TorqueResidual(float(np.sqrt(v)), float(np.sqrt(v / p)) if p > 0.0 else 0.0, float(np.sqrt(e)))
+        for name, v, p, e in zip(layout.body.joints, variance, power, noise, strict=True)
+    }
+    return Fit(joints, 100.0 * float(np.sqrt(variance.sum() / power.sum())), sums.samples, sums.rows)

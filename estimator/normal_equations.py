@@ -1,0 +1,134 @@
+"""Normal equations from sums: assembled joint by joint with weights, solved, with errors from leaving batches out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from estimator.rows import Layout
+from estimator.sums import LAGS, Batch, Sums
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Per batch: ``matrix`` (batches, P, P) · unknowns = ``right`` (batches, P). Symmetric unless instruments are used."""
+
+    matrix: Array
+    right: Array
+
+    def of(self, chosen: list[int]) -> NormalEquations:
+        """The same for some of the unknowns, the others being zero."""
+        return NormalEquations(self.matrix[:, chosen][:, :, chosen], self.right[:, chosen])
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Unknowns (P,) with their covariance (P, P) and its degrees of freedom."""
+
+    value: Array
+    covariance: Array
+    degrees_of_freedom: float
+
+
+def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = False) -> NormalEquations:
+    """``weights`` (n, LAGS) of each joint: see `estimator.whitening`."""
+    count, size = len(sums.batches), layout.size
+    matrix, right = np.zeros((count, size, size)), np.zeros((count, size))
+    for joint in range(layout.body.n):
+        unknowns = layout.unknowns(joint)
+        p = len(unknowns)
+        left = slice(p + 1, 2 * p + 1) if by_instruments else slice(0, p)
+        place = np.ix_(unknowns, unknowns)
+        for b, batch in enumerate(sums.batches):
+            gram = np.tensordot(weights[joint], batch.lagged[joint], 1)
+            matrix[b][place] += gram[left, :p]
+            right[b, unknowns] += gram[left, p]
+    return NormalEquations(matrix, right)
+
+
+def solve(equations: NormalEquations) -> Solution:
+    """Solution and delete-one-batch (jackknife) covariance, which holds whatever the noise's colour within a batch.
+
+    With fewer than four batches the covariance is infinite: the data do not say how far to trust them.
+    """
+    total, right = equations.matrix.sum(axis=0), equations.right.sum(axis=0)
+    scale = _scale(total)
+    value = np.linalg.solve(total / np.outer(scale, scale), right / scale) / scale
+    count, size = equations.right.shape
+    if count < 4:
+        return Solution(value, np.full((size, size), np.inf), 0.0)
+    without = np.empty((count, size))
+    for b in range(count):
+        rest = total - equations.matrix[b]
+        without[b] = (
+            np.linalg.lstsq(rest / np.outer(scale, scale), (right - equations.right[b]) / scale, rcond=1e-12)[0] / scale
+        )
+    deviation = without - value
+    return Solution(value, (count - 1) / count * deviation.T @ deviation, count - 1.0)
+
+
+def model_covariance(equations: NormalEquations) -> Array:
+    """Inverse of the information (P, P): the covariance if the weights are the noise's true inverse spectrum."""
+    total = equations.matrix.sum(axis=0)
+    scale = _scale(total)
+    factor = cho_factor(total / np.outer(scale, scale))
+    inverse: Array = cho_solve(factor, np.eye(len(scale)))
+    return inverse / np.outer(scale, scale)
+
+
+def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int]:
+    """Unknowns whose columns the data tell apart, by pivoted elimination on the normalised information.
+
+    An unknown is left out when the ones already taken explain all but ``tolerance`` of its column's energy. The first
+    ``rank`` unknowns go before the others: a rotor inertia that only repeats a link's inertia is left out, not the link.
+    """
+    total = equations.matrix.sum(axis=0)
+    scale = _scale(total)
+    rest = total / np.outer(scale, scale)
+    rest[np.diag(total) <= 0.0] = 0.0
+    chosen: list[int] = []
+    for group in (range(rank), range(rank, len(rest))):
+        for _ in group:
+            pivot = group[int(np.argmax(np.diag(rest)[group.start : group.stop]))]
+            if rest[pivot, pivot] < tolerance:
+                break
+            chosen.append(pivot)
+            rest = rest - np.outer(rest[:, pivot], rest[pivot]) / rest[pivot, pivot]
+            rest[chosen] = 0.0
+            rest[:, chosen] = 0.0
+    return sorted(chosen)
+
+
+def _scale(total: Array) -> Array:
+    diagonal = np.sqrt(np.abs(np.diag(total)))
+    return np.asarray(np.where(diagonal > 0.0, diagonal, 1.0))
+
+
+def residual_autocovariance(layout: Layout, batches: list[Batch], unknowns: Array) -> Array:
+    """(n, LAGS): of each joint's residual at these unknowns (P,), mean products over the rows."""
+    rows = sum(batch.rows for batch in batches)
+    result = np.zeros((layout.body.n, LAGS))
+    for joint in range(layout.body.n):
+        mine = layout.unknowns(joint)
+        direction = np.append(-unknowns[mine], 1.0)
+        p = len(mine) + 1
+        total = np.sum([batch.lagged[joint][:, :p, :p] for batch in batches], axis=0)
+        result[joint] = np.einsum("a,lab,b->l", direction, total, direction) / rows
+    result[:, 1:] /= 2.0
+    result[:, 0] = np.maximum(result[:, 0], 0.0)
+    return result
+
+
+def torque_power(layout: Layout, batches: list[Batch]) -> Array:
+    """(n,) mean square of the measured torque in the rows, N²·m²."""
+    rows = sum(batch.rows for batch in batches)
+    power = np.zeros(layout.body.n)
+    for joint in range(layout.body.n):
+        p = len(layout.unknowns(joint))
+        power[joint] = sum(float(batch.lagged[joint][0, p, p]) for batch in batches) / rows
+    return power

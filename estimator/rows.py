@@ -1,0 +1,162 @@
+"""From recordings to rows: regressor, terms and torque of each joint, filtered alike and decimated, summed as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.base_parameters import BaseParameters
+from estimator.filtering import Decimator, FilterPlan, Motion, convolve, plan_filter, resample, smooth_motion
+from estimator.regressor import regressor_blocks
+from estimator.rigid_body import RigidBody
+from estimator.sums import Sums
+from estimator.terms import Term
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+CHUNK = 16_384
+"""Samples worked on at once; memory does not grow beyond what they need."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the columns of each joint's rows are: [base parameters that reach the joint | its terms | torque | instruments]."""
+
+    body: RigidBody
+    base: BaseParameters
+    terms: tuple[tuple[Term, ...], ...]
+    """Terms of each joint."""
+    active: tuple[tuple[int, ...], ...]
+    """For each joint the base parameters that act on its torque."""
+    instruments: bool
+    """Whether the same columns of the commanded motion follow the torque."""
+
+    @property
+    def size(self) -> int:
+        """Unknowns: base parameters, then the terms of joint after joint."""
+        return self.base.rank + sum(len(terms) for terms in self.terms)
+
+    def unknowns(self, joint: int) -> list[int]:
+        """Where the joint's columns stand among all unknowns."""
+        before = self.base.rank + sum(len(terms) for terms in self.terms[:joint])
+        return [*self.active[joint], *range(before, before + len(self.terms[joint]))]
+
+
+def make_layout(
+    body: RigidBody, base: BaseParameters, terms: Sequence[Sequence[Term]], instruments: bool = False
+) -> Layout:
+    """Layout of an arm; which base parameters reach which joint follows from its geometry."""
+    random = np.random.default_rng(1)
+    q, dq, ddq = random.normal(0.0, 2.0, (3, 40, body.n))
+    active: list[tuple[int, ...]] = []
+    blocks = [block.copy() for _, block in regressor_blocks(body, q, dq, ddq)]
+    magnitude = np.abs(np.concatenate(blocks, axis=2)).max(axis=2)[:, list(base.kept)]
+    for row in magnitude:
+        active.append(tuple(int(k) for k in np.flatnonzero(row > 1e-9 * magnitude.max())))
+    return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments)
+
+
+def sum_up(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> Sums:
+    """One pass over the recordings. ``band`` Hz is the half-power edge of the parallel low-pass."""
+    sums = Sums(high_frequency=np.zeros(layout.body.n))
+    for recording, trajectory in enumerate(trajectories):
+        for rows in trajectory_rows(layout, trajectory, band, sums):
+            sums.add(rows, recording)
+    return sums
+
+
+def trajectory_rows(layout: Layout, trajectory: Trajectory, band: float, sums: Sums) -> Iterator[list[Array]]:
+    """Rows of one recording, segment by segment; counts samples and high-frequency torque in ``sums``."""
+    plan = plan_filter(trajectory.rate, band)
+    rows_of = _RowMaker(layout, plan)
+    for piece in trajectory.segments(CHUNK, 2 * plan.edge):
+        if piece.stop - piece.start < 2 * plan.edge + 4 * plan.stride * plan.decimation:
+            continue
+        channels = _on_grid(trajectory, piece, plan.rate)
+        tau = channels["tau"]
+        motion = smooth_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"))
+        inner = tau[plan.edge : len(tau) - plan.edge]
+        desired = smooth_motion(plan, channels["q_desired"], None, None) if layout.instruments else None
+        sums.samples += piece.stop - piece.start
+        sums.duration += len(inner) / plan.rate
+        if sums.high_frequency is not None:
+            sums.high_frequency += _above_band(tau, inner, plan)
+        yield rows_of(motion, inner, desired)
+
+
+def _on_grid(trajectory: Trajectory, piece: slice, rate: float) -> dict[str, Array]:
+    t = trajectory.t[piece]
+    named = {
+        "q": trajectory.q,
+        "tau": trajectory.tau,
+        "dq": trajectory.dq,
+        "ddq": trajectory.ddq,
+        "q_desired": trajectory.q_desired,
+    }
+    return {name: resample(t, value[piece], rate) for name, value in named.items() if value is not None}
+
+
+def _above_band(tau: Array, inner: Array, plan: FilterPlan) -> Array:
+    """Sum of squares that white noise would have left in the decimated rows, judged by what lies above the kinematics' band."""
+    above = inner - convolve(tau, plan.smooth)
+    centre = plan.smooth[len(plan.smooth) // 2]
+    passed = 1.0 - 2.0 * centre + float(plan.smooth @ plan.smooth)
+    total = plan.stride * plan.decimation
+    return np.asarray(np.sum(above**2, axis=0) / passed / total**2)
+
+
+class _RowMaker:
+    """Turns smoothed segments into decimated rows."""
+
+    def __init__(self, layout: Layout, plan: FilterPlan) -> None:
+        self.layout, self.plan = layout, plan
+        self.coarse = Decimator(plan.decimation)
+        self.fine = Decimator(plan.stride * plan.decimation)
+
+    def __call__(self, motion: Motion, tau: Array, desired: Motion | None) -> list[Array]:
+        layout, n = self.layout, self.layout.body.n
+        taper = self._taper(len(tau))
+        rigid = self._rigid(motion, taper)
+        terms = self._terms(motion, taper)
+        torque = self.fine(tau.T * taper)
+        parts = [[rigid[j], terms[j], torque[j : j + 1]] for j in range(n)]
+        if desired is not None:
+            rigid, terms = self._rigid(desired, taper), self._terms(desired, taper)
+            for j in range(n):
+                parts[j] += [rigid[j], terms[j]]
+        return [np.concatenate(part) for part in parts]
+
+    def _taper(self, samples: int) -> Array:
+        """Rises and falls over one row: the sums over coarse and fine samples then agree at the ends as well."""
+        taper = np.ones(samples)
+        if self.plan.stride > 1:
+            length = self.plan.stride * self.plan.decimation
+            ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(length) + 0.5) / length)
+            taper[:length] *= ramp
+            taper[-length:] *= ramp[::-1]
+        return taper
+
+    def _rigid(self, motion: Motion, taper: Array) -> list[Array]:
+        layout, stride = self.layout, self.plan.stride
+        kept, sign = np.array(layout.base.kept), layout.base.sign
+        q, dq, ddq = (np.asarray(x[::stride]) for x in (motion.q, motion.dq, motion.ddq))
+        weight = taper[::stride]
+        columns = [kept[list(active)] for active in layout.active]
+        signs = [sign[list(active)][:, None] for active in layout.active]
+        rows = [np.empty((len(active), len(q))) for active in layout.active]
+        for span, block in regressor_blocks(layout.body, q, dq, ddq):
+            for joint in range(layout.body.n):
+                np.multiply(block[joint, columns[joint]], signs[joint] * weight[span], out=rows[joint][:, span])
+        return [self.coarse(x) for x in rows]
+
+    def _terms(self, motion: Motion, taper: Array) -> list[Array]:
+        result: list[Array] = []
+        for joint, terms in enumerate(self.layout.terms):
+            dq, ddq = motion.dq[:, joint], motion.ddq[:, joint]
+            columns = np.array([term.column(dq, ddq) for term in terms]).reshape(len(terms), len(dq))
+            result.append(self.fine(columns * taper))
+        return result
