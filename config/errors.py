@@ -12,3 +12,14 @@ class InputError(Exception):
     def __init__(self, place: str, problem: str, remedy: str = "") -> None:
         self.place, self.problem, self.remedy = place, problem, remedy
         super().__init__(f"{place}: {problem}" + (f"; {remedy}" if remedy else ""))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        return type(self), (self.place, self.problem, self.remedy)
+
+
+class WrongKey(ValueError):
+    """What a validator of a typed section raises: the key (a path below the section), the problem, the remedy."""
+
+    def __init__(self, key: str, problem: str, remedy: str = "") -> None:
+        self.key, self.problem, self.remedy = key, problem, remedy
+        super().__init__(f"{key}: {problem}" + (f"; {remedy}" if remedy else ""))

@@ -1,4 +1,4 @@
-"""Where things live at run time: sockets and locks in the run directory, recordings and models in the state directory."""
+"""Where things live at run time: sockets and locks in one directory, recordings and models in another."""
 
 from __future__ import annotations
 

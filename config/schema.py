@@ -7,13 +7,18 @@ count, a name or a ratio. Every model forbids keys it does not read.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from config.errors import WrongKey
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 Mode = Literal["csp", "cst"]
+Quantity = Literal[
+    "servo_stiffness", "servo_damping", "torque_limit", "velocity_limit", "position_low", "position_high"
+]
 
 
 class Section(BaseModel):
@@ -81,7 +86,9 @@ class JointLimits(Section):
     def _ordered(self) -> JointLimits:
         low, high = self.position_rad
         if low >= high:
-            raise ValueError(f"position_rad: the lower limit {low} is not below the upper limit {high}")
+            raise WrongKey(
+                "position_rad", f"the lower limit {low} is not below the upper limit {high}", "write [lower, upper]"
+            )
         return self
 
 
@@ -117,16 +124,42 @@ class WrenchSensor(Section):
 
     name: Name
     protocol: Literal["bota", "robotiq"]
-    port: str
+    port: Annotated[str, Field(pattern=r"^(/\S+|pty:\S+)$")]
     """Serial device, or ``pty:<path>``: the stand-in's port, a link in the run directory."""
     frame: Name
     rate_hz: Positive
     baud: Annotated[int, Field(ge=9600)] = 460_800
+    """460 800 (Bota), 19 200 (Robotiq) when absent."""
     stale_ms: Positive = 20.0
     range_n: Positive
     range_nm: Positive
     profile: Literal["none", "astek", "rti"] = "none"
     """Filter of the sensor's own electronics, which the noise models start from."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_baud(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "baud" not in data and data.get("protocol") == "robotiq":
+            return {**data, "baud": 19_200}
+        return data
+
+    @model_validator(mode="after")
+    def _line_carries_rate(self) -> WrenchSensor:
+        frame_bytes, fastest = {"bota": (37, 1000.0), "robotiq": (16, 100.0)}[self.protocol]
+        fastest = min(fastest, self.baud / (10 * frame_bytes))
+        if self.rate_hz > fastest:
+            raise WrongKey(
+                "rate_hz",
+                f"{self.rate_hz:g} Hz is more than the {fastest:.4g} Hz of {self.protocol} at {self.baud} baud",
+                f"give at most {int(fastest)}",
+            )
+        if self.stale_ms < 1000 / self.rate_hz:
+            raise WrongKey(
+                "stale_ms",
+                f"{self.stale_ms:g} ms is shorter than one sample at {self.rate_hz:g} Hz, so each would be stale",
+                f"give at least {3000 / self.rate_hz:.0f}",
+            )
+        return self
 
 
 class VirtualHardware(Section):
@@ -162,7 +195,7 @@ class SdoWrite(Section):
     index: Annotated[int, Field(ge=0x1000, le=0xFFFF)]
     subindex: Annotated[int, Field(ge=0, le=254)] = 0
     value: int | None = None
-    from_key: str | None = None
+    from_key: Quantity | None = None
     """A quantity that the joint's configuration fixes: ``servo_stiffness``, ``servo_damping``,
     ``torque_limit``, ``velocity_limit``, ``position_low``, ``position_high``."""
     scale: float = 1.0
@@ -171,8 +204,17 @@ class SdoWrite(Section):
     @model_validator(mode="after")
     def _one_source(self) -> SdoWrite:
         if (self.value is None) == (self.from_key is None):
-            raise ValueError("give either value or from_key")
+            raise WrongKey("value", "must stand alone or give way to from_key", "give exactly one of the two")
         return self
+
+
+NEEDED: dict[tuple[Mode, str], tuple[str, ...]] = {
+    ("csp", "rpdo"): ("controlword", "target_position"),
+    ("csp", "tpdo"): ("statusword", "position", "torque"),
+    ("cst", "rpdo"): ("controlword", "target_torque"),
+    ("cst", "tpdo"): ("statusword", "position", "torque"),
+}
+"""Objects without which a mode cannot be commanded, or its feedback not be judged."""
 
 
 class DriveIdentity(Section):
@@ -205,19 +247,30 @@ class Drive(Section):
         known = {o.name: o for o in self.objects}
         for mode, layout in self.layouts.items():
             for way, pdos in (("rpdo", layout.rpdo), ("tpdo", layout.tpdo)):
+                key = f"layouts.{mode}.{way}"
                 if len(pdos) > 4:
-                    raise ValueError(f"layouts.{mode}.{way}: {len(pdos)} PDOs, at most 4")
-                for k, pdo in enumerate(pdos, 1):
+                    raise WrongKey(key, f"{len(pdos)} PDOs, at most 4", "map the objects into fewer PDOs")
+                mapped = [name for pdo in pdos for name in pdo]
+                for k, pdo in enumerate(pdos):
                     for name in pdo:
                         if name not in known:
-                            raise ValueError(f"layouts.{mode}.{way}: object {name!r} is not in objects")
+                            raise WrongKey(f"{key}[{k}]", f"object {name!r} is not among objects", "add an [[objects]]")
+                        if mapped.count(name) > 1:
+                            raise WrongKey(f"{key}[{k}]", f"object {name!r} is mapped twice", "map it once")
                     bits = sum(known[name].bits for name in pdo)
-                    if bits > 64:
-                        raise ValueError(f"layouts.{mode}.{way} number {k}: {bits} bits do not fit in 8 bytes")
+                    if not 0 < bits <= 64:
+                        raise WrongKey(f"{key}[{k}]", f"{bits} bits are not 1 to 8 bytes", "use another PDO")
+                for name in NEEDED[mode, way]:
+                    if name not in mapped:
+                        raise WrongKey(key, f"mode {mode} needs the object {name!r}", "map it")
         return self
 
     def object(self, name: str) -> PdoObject:
         return next(o for o in self.objects if o.name == name)
+
+
+RENAME = "rename one of them"
+RENUMBER = "give each drive on a bus a node number of its own"
 
 
 class Installation(Section):
@@ -236,36 +289,66 @@ class Installation(Section):
     drives: dict[str, Drive]
     """By drive name; filled in by the loader."""
 
-    @field_validator("bus", "joint")
+    @field_validator("bus", "joint", "modes")
     @classmethod
-    def _some(cls, value: tuple[Section, ...]) -> tuple[Section, ...]:
+    def _some(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
         if not value:
             raise ValueError("needs at least one entry")
         return value
 
     @model_validator(mode="after")
     def _consistent(self) -> Installation:
-        buses = [b.name for b in self.bus]
         for kind, names in (
-            ("bus", buses),
+            ("bus", [b.name for b in self.bus]),
             ("joint", [j.name for j in self.joint]),
             ("wrench_sensor", [s.name for s in self.wrench_sensor]),
         ):
-            doubled = {n for n in names if names.count(n) > 1}
-            if doubled:
-                raise ValueError(f"{kind}: {', '.join(sorted(doubled))} is named twice; rename one")
-        seen: dict[tuple[str, int], str] = {}
-        for j in self.joint:
-            if j.bus not in buses:
-                raise ValueError(f"joint {j.name}: bus {j.bus!r} is not one of {', '.join(buses)}")
-            if (j.bus, j.node_id) in seen:
-                raise ValueError(
-                    f"joint {j.name}: node {j.node_id} on {j.bus} is already joint {seen[j.bus, j.node_id]}"
-                )
-            seen[j.bus, j.node_id] = j.name
+            for k, name in enumerate(names):
+                if name in names[:k]:
+                    raise WrongKey(
+                        f"{kind}[{k}].name", f"{name!r} is the name of {kind}[{names.index(name)}] too", RENAME
+                    )
+        for kind, places in (
+            ("bus[{}].channel", [b.channel for b in self.bus]),
+            ("wrench_sensor[{}].port", [s.port for s in self.wrench_sensor]),
+        ):
+            for k, place in enumerate(places):
+                if place in places[:k]:
+                    raise WrongKey(kind.format(k), f"{place!r} is used twice", "give each its own")
+        self._check_joints([b.name for b in self.bus])
         if len(self.arm.home_rad) != len(self.joint):
-            raise ValueError(f"arm.home_rad: {len(self.arm.home_rad)} angles for {len(self.joint)} joints")
+            raise WrongKey(
+                "arm.home_rad",
+                f"{len(self.arm.home_rad)} angles for {len(self.joint)} joints",
+                "give one angle a joint",
+            )
+        for k, (joint, angle) in enumerate(zip(self.joint, self.arm.home_rad, strict=True)):
+            low, high = joint.limits.position_rad
+            if not low <= angle <= high:
+                raise WrongKey(
+                    f"arm.home_rad[{k}]",
+                    f"{angle} rad is outside {joint.name}'s limits [{low}, {high}]",
+                    "move it inside",
+                )
         return self
+
+    def _check_joints(self, buses: list[str]) -> None:
+        seen: dict[tuple[str, int], str] = {}
+        for k, joint in enumerate(self.joint):
+            if joint.bus not in buses:
+                raise WrongKey(f"joint[{k}].bus", f"{joint.bus!r} is not a bus", f"known are {', '.join(buses)}")
+            if other := seen.get((joint.bus, joint.node_id)):
+                raise WrongKey(
+                    f"joint[{k}].node_id", f"node {joint.node_id} on {joint.bus} is already {other}", RENUMBER
+                )
+            seen[joint.bus, joint.node_id] = joint.name
+            for mode in self.modes:
+                if mode not in self.drives[joint.drive].layouts:
+                    raise WrongKey(
+                        f"joint[{k}].drive",
+                        f"{joint.drive} has no layout for mode {mode}",
+                        "add it, or drop it from modes",
+                    )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
