@@ -1,0 +1,290 @@
+"""The recorder: a process of its own that follows the loop's ring and writes one file a run."""
+
+from __future__ import annotations
+
+import multiprocessing
+import re
+import signal
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from config import InputError, Installation
+from driver.cyclic.ring import RingReader
+from driver.recording.message_records import LogRecord
+from driver.recording.run_writer import RunWriter
+
+POLL_S = 0.005
+"""How often the ring is looked at while recording; it holds seconds."""
+IDLE_POLL_S = 0.05
+"""The same while nothing is recorded."""
+QUIET_FLUSH_S = 0.05
+"""On the wall clock: when the loop falls silent, what is there goes to disk after this."""
+ANSWER_S = 30.0
+BATCH = 256
+SUFFIX = ".mcap"
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """What the recorder does. ``problem``: why the file in progress had to be given up, one sentence."""
+
+    path: Path | None
+    cycles: int
+    lost: int
+    """Cycles that the loop overwrote before they could be written; each loss is also noted in /events."""
+    problem: str | None
+
+
+class RecorderProcess:
+    """Handle of the recorder. The loop never waits for it, except in lockstep, where it reads every cycle.
+
+    Methods raise InputError with one sentence when the recorder refuses or is gone. When the holder of the handle
+    dies, the recorder completes the file in progress and ends.
+    """
+
+    def __init__(self, process: multiprocessing.process.BaseProcess, connection: Connection) -> None:
+        self._process = process
+        self._connection = connection
+        self._asking = threading.Lock()
+
+    @classmethod
+    def start(cls, installation: Installation, ring_name: str, directory: Path) -> RecorderProcess:
+        """Spawn the recorder of the loop that publishes in ``ring_name``; ``directory`` is where runs go by default."""
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(
+            target=record, args=(theirs, installation, ring_name, directory), name="etude-recorder", daemon=False
+        )
+        process.start()
+        theirs.close()
+        recorder = cls(process, ours)
+        try:
+            recorder._answer()
+        except BaseException:
+            recorder.close()
+            raise
+        return recorder
+
+    @property
+    def pid(self) -> int | None:
+        return self._process.pid
+
+    def start_run(
+        self, name: str, directory: Path | None = None, metadata: Mapping[str, str] | None = None,
+        attach: Sequence[Path] = (),
+    ) -> Path:  # fmt: skip
+        """Record every cycle published from now on into ``<directory>/<name>.mcap``, or ``<name>-2.mcap`` … when
+        that is taken; returns the path. ``metadata`` and the files ``attach`` (a model, say) are kept inside."""
+        path: Path = self._ask("start_run", name, directory, dict(metadata or {}), tuple(attach))
+        return path
+
+    def stop_run(self) -> Path:
+        """Complete the file with every cycle published until now; returns its path.
+
+        Raises InputError when the disk gave out; the file then holds what fitted, and can be recovered.
+        """
+        path: Path = self._ask("stop_run")
+        return path
+
+    def status(self) -> RecorderStatus:
+        status: RecorderStatus = self._ask("status")
+        return status
+
+    def close(self) -> None:
+        """Complete the file in progress and end the process. Harmless when it is already gone."""
+        self._connection.close()
+        self._process.join(ANSWER_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def __enter__(self) -> RecorderProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _ask(self, verb: str, *arguments: Any) -> Any:
+        with self._asking:
+            try:
+                self._connection.send((verb, arguments))
+            except OSError:
+                raise self._gone() from None
+            return self._answer()
+
+    def _answer(self) -> Any:
+        try:
+            if not self._connection.poll(ANSWER_S):
+                raise InputError("recorder", f"has not answered within {ANSWER_S:g} s", "see whether the disk hangs")
+            value, problem = self._connection.recv()
+        except (EOFError, OSError):
+            raise self._gone() from None
+        if problem is not None:
+            raise InputError(*problem)
+        return value
+
+    def _gone(self) -> InputError:
+        return InputError(
+            "recorder",
+            "its process is gone",
+            "what it had written can be recovered; restart the daemon to record again",
+        )
+
+
+class _Recorder:
+    """What runs in the process: commands between readings of the ring."""
+
+    def __init__(self, installation: Installation, ring: RingReader, directory: Path) -> None:
+        self._installation = installation
+        self._ring = ring
+        self._directory = directory
+        self._writer: RunWriter | None = None
+        self._path: Path | None = None
+        self._problem: str | None = None
+        self._lost = 0
+        self._flushed = True
+        self._heard_s = time.monotonic()
+        self.recording = False
+
+    def start_run(
+        self, name: str, directory: Path | None, metadata: dict[str, str], attach: tuple[Path, ...]
+    ) -> Path:  # fmt: skip
+        if self.recording:
+            raise InputError("recorder", f"is already recording {self._path}", "stop that run first")
+        if not re.fullmatch(r"[^/\0]{1,200}", name) or name in (".", ".."):
+            raise InputError("recorder", f"{name!r} cannot name a file", "choose a name without slashes")
+        path = _free_path(directory or self._directory, name)
+        self._discard()
+        self._writer = RunWriter(path, self._installation, metadata, attach)
+        self._path, self._problem, self._lost, self.recording = path, None, 0, True
+        return path
+
+    def stop_run(self) -> Path:
+        if not self.recording or self._path is None:
+            raise InputError("recorder", "is not recording", "start a run first")
+        self.drain()
+        self.recording = False
+        if self._writer is not None:
+            try:
+                self._writer.finish()
+            except OSError as error:
+                self._give_up(error)
+            self._writer = None
+        if self._problem is not None:
+            raise InputError(str(self._path), self._problem, "free some space, then recover the file")
+        return self._path
+
+    def status(self) -> RecorderStatus:
+        cycles = self._writer.cycles if self._writer else 0
+        return RecorderStatus(self._path if self.recording else None, cycles, self._lost, self._problem)
+
+    def follow(self) -> bool:
+        """Take what the ring has; True when it had something."""
+        if self._writer is None:
+            return self._discard()
+        if self.drain():
+            self._heard_s, self._flushed = time.monotonic(), False
+            return True
+        # In lockstep silence only means that virtual time stands; chunks end by virtual time alone there.
+        if not self._flushed and not self._ring.lockstep and time.monotonic() - self._heard_s > QUIET_FLUSH_S:
+            self._guarded_flush()
+        return False
+
+    def drain(self) -> bool:
+        """Write every cycle published so far; True when there was one."""
+        head, some = self._ring.head, False
+        while self._ring.cursor < head:
+            lost, cycles = self._ring.cycles(BATCH)
+            some = True
+            if self._writer is None:
+                continue
+            try:
+                if lost:
+                    self._lost += lost
+                    self._writer.note(f"recorder: {lost} cycles were lost, the disk was too slow", LogRecord.ERROR)
+                for cycle in cycles:
+                    self._writer.write(cycle)
+            except OSError as error:
+                self._give_up(error)
+        return some
+
+    def _discard(self) -> bool:
+        head, some = self._ring.head, False
+        while self._ring.cursor < head:
+            self._ring.take(BATCH)
+            some = True
+        return some
+
+    def _guarded_flush(self) -> None:
+        if self._writer is not None:
+            try:
+                self._writer.flush()
+            except OSError as error:
+                self._give_up(error)
+        self._flushed = True
+
+    def _give_up(self, error: OSError) -> None:
+        """The disk refused: keep what is on it, stop writing, remember why. The loop goes on unaffected."""
+        self._problem = f"could not be written to its end ({error.strerror})"
+        if self._writer is not None:
+            self._writer.abandon()
+            self._writer = None
+
+    def close(self) -> None:
+        if self.recording:
+            with suppress(InputError):  # nobody is left to tell; the file says it by having no end
+                self.stop_run()
+        self._ring.close()
+
+
+def record(connection: Connection, installation: Installation, ring_name: str, directory: Path) -> None:
+    """Body of the recorder's process: serves commands on ``connection`` until its other end closes, or SIGTERM."""
+    ending = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: ending.set())
+    # A Ctrl-C at the terminal is for the daemon, which closes the connection in order.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        ring = RingReader(ring_name)
+    except InputError as error:
+        connection.send((None, (error.place, error.problem, error.remedy)))
+        return
+    if ring.lockstep:
+        ring.register_recorder()
+    recorder = _Recorder(installation, ring, directory)
+    connection.send((None, None))
+    try:
+        while not ending.is_set():
+            busy = recorder.follow()
+            pause = 0.0 if busy and ring.lockstep else POLL_S if recorder.recording or ring.lockstep else IDLE_POLL_S
+            if connection.poll(pause):
+                _serve(recorder, connection)
+    except (EOFError, ConnectionError):
+        ending.set()
+    finally:
+        recorder.close()
+
+
+def _serve(recorder: _Recorder, connection: Connection) -> None:
+    verb, arguments = connection.recv()
+    commands = {"start_run": recorder.start_run, "stop_run": recorder.stop_run, "status": recorder.status}
+    try:
+        connection.send((commands[verb](*arguments), None))
+    except InputError as error:
+        connection.send((None, (error.place, error.problem, error.remedy)))
+
+
+def _free_path(directory: Path, name: str) -> Path:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(directory), f"cannot be made ({error.strerror})", "check the path") from None
+    path, number = directory / f"{name}{SUFFIX}", 2
+    while path.exists():
+        path, number = directory / f"{name}-{number}{SUFFIX}", number + 1
+    return path
