@@ -118,5 +118,3 @@ def _release(connection: Connection, now_ns: int) -> int:
 
 def _is_configuration(can_id: int) -> bool:
     return can_id == 0x000 or 0x580 <= can_id <= 0x67F
-
-

@@ -9,6 +9,9 @@ from virtual_hw.bus.wire import Bus
 from virtual_hw.drive.node import DriveNode
 from virtual_hw.drive.power_stage import Arm, PowerStage, SerialSensor
 
+_POWER_UP_NS = 100_000_000
+"""The drives are switched on this long before the clock starts: their boot-up messages are over by then."""
+
 
 class Rig:
     """All of the stand-in but its sockets. Time is moved by `advance` alone."""
@@ -19,7 +22,7 @@ class Rig:
             InputError: a drive's EDS is not that of a CiA 402 drive.
         """
         self.now_ns = start_ns
-        self.buses = [Bus(bus.name, bus.bitrate, start_ns) for bus in installation.bus]
+        self.buses = [Bus(bus.name, bus.bitrate, start_ns - _POWER_UP_NS) for bus in installation.bus]
         self.power_stage = PowerStage(arm, installation.joint, sensors)
         by_name = {bus.name: bus for bus in self.buses}
         self.nodes = [
@@ -33,6 +36,8 @@ class Rig:
         senses = self.power_stage.senses
         for i, node in enumerate(self.nodes):
             node.axis.sense(senses.counts[i], senses.speed[i])
+        for bus in self.buses:
+            bus.run_until(start_ns)
 
     def advance(self, t_ns: int) -> None:
         """Move time on to ``t_ns``: all bus traffic ended by then, all servo ticks up to and including it."""

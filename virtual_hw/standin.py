@@ -16,6 +16,7 @@ from config.paths import run_directory
 from virtual_hw.bus.local import Connection, LocalPort
 from virtual_hw.bus.socketcan import SocketCanPort
 from virtual_hw.drive.power_stage import SerialSensor
+from virtual_hw.hidden import load_hidden
 from virtual_hw.lockstep import START_NS, Lockstep
 from virtual_hw.plant import build_plant
 from virtual_hw.rig import Rig
@@ -27,7 +28,7 @@ _PR_SET_TIMERSLACK = 29
 
 def run_standin(
     installation: Installation,
-    hidden_path: str | None,
+    hidden_path: Path | str | None,
     lockstep: bool,
     seed: int,
     ready: Callable[[], None],
@@ -48,10 +49,11 @@ def run_standin(
             mechanics, EDS or URDF cannot be used.
     """
     directory = run_dir or run_directory()
-    plant = build_plant(installation, hidden_path, seed)
+    hidden = load_hidden(installation, hidden_path)
+    plant = build_plant(installation, hidden, seed)
     with contextlib.ExitStack() as cleanup:
         wake = cleanup.enter_context(_signals())
-        sensors = build_sensors(installation, hidden_path, plant, seed, directory)
+        sensors = build_sensors(installation, hidden, plant, seed, directory)
         for sensor in sensors:
             cleanup.callback(sensor.close)
         rig = Rig(installation, plant, sensors, START_NS if lockstep else 0)
@@ -133,8 +135,7 @@ def _signals() -> Iterator[socket.socket]:
 
 
 def _quieten() -> None:
-    """No collector pauses and no timer slack: nothing here makes cycles, and a millisecond is long."""
+    """No timer slack, and nothing of the start left for the collector to walk through: a millisecond is long."""
     gc.collect()
     gc.freeze()
-    gc.disable()
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)

@@ -187,5 +187,3 @@ def _clear_leftover(path: Path, place: str) -> None:
             os.unlink(path)
         return
     raise InputError(place, "another stand-in arm runs on this bus", "stop it first, or use its arm")
-
-
