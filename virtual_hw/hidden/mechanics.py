@@ -106,6 +106,11 @@ def load_hidden(installation: Installation, source: Path | str | None = None) ->
     return hidden
 
 
+def resolve_hidden(installation: Installation, hidden: HiddenMechanics | Path | str | None) -> HiddenMechanics:
+    """Mechanics as they are, or loaded by `load_hidden`."""
+    return hidden if isinstance(hidden, HiddenMechanics) else load_hidden(installation, hidden)
+
+
 def parse_hidden(text: str, installation: Installation, place: str = "hidden mechanics") -> HiddenMechanics:
     """The same from TOML text."""
     try:

@@ -78,6 +78,11 @@ class Plant:
         )
         self._qacc = body.data.qacc
 
+    @property
+    def step_s(self) -> float:
+        """Step of the mechanics in s, and of the samples that `tap_wrench` gives."""
+        return self._h
+
     def advance(self, torque_nm: Sequence[float], brake: Sequence[bool]) -> None:
         """One servo tick with these torque demands (N·m at the joint) and brakes (True holds)."""
         for train, demand, braked in zip(self._trains, torque_nm, brake, strict=True):

@@ -1,0 +1,163 @@
+"""From the true wrench to the sensor's numbers: gauges, mounting, filters, sampling, noise.
+
+true wrench → calibration and mounting errors, bias, drift → analogue low-pass → sampled → noise → digital low-pass
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, tf2ss
+
+from virtual_hw.hidden.noise import noise_rows
+from virtual_hw.hidden.wrench_sensor import WrenchErrors
+
+
+STREAMS = 1000
+"""More than there are sensors: distance of the noise streams of one sensor's starts."""
+
+
+@dataclass(frozen=True)
+class FilterProfile:
+    """A sensor's own electronics. ``oversampling``: internal samples an output sample."""
+
+    analogue_hz: float | None
+    digital_hz: float | None
+    oversampling: int
+    order: int = 2
+
+
+PROFILES = {
+    "none": FilterProfile(None, None, 1),
+    # Barry Wright Astek FS6-120A-200: 480 Hz inside, 120 Hz analogue and 120 Hz digital low-pass, 240 Hz out.
+    "astek": FilterProfile(120.0, 120.0, 2),
+    # RTI FS-B: its filters are not documented; a 100 Hz analogue low-pass before the sampling is assumed.
+    "rti": FilterProfile(100.0, None, 1),
+}
+
+
+class LowPass:
+    """Six channels through one Butterworth low-pass, a sample at a time (bilinear transform)."""
+
+    def __init__(self, corner_hz: float, rate_hz: float, order: int) -> None:
+        numerator, denominator = butter(order, min(corner_hz, 0.45 * rate_hz), fs=rate_hz)
+        a, b, c, d = tf2ss(numerator, denominator)
+        six = np.eye(6)
+        self._states = 6 * order
+        self._matrix = np.block([[np.kron(a, six), np.kron(b, six)], [np.kron(c, six), np.kron(d, six)]])
+        self._settled = np.kron(np.linalg.solve(np.eye(order) - a, b), six)
+        self._w = np.zeros(self._states + 6)
+        self._fresh = True
+
+    def step(self, u: np.ndarray) -> np.ndarray:
+        """The filtered sample; the first input is taken as having been there for ever."""
+        w, n = self._w, self._states
+        w[n:] = u
+        if self._fresh:
+            w[:n] = self._settled @ u
+            self._fresh = False
+        out = self._matrix @ w
+        w[:n] = out[:n]
+        return np.asarray(out[n:])
+
+
+class Transducer:
+    """Samples of the sensor at its output rate, from the plant's wrench at every step.
+
+    Without a filter profile each output sample is the mean over its period, as a sinc converter gives.
+    """
+
+    def __init__(
+        self,
+        tap: deque[tuple[int, list[float]]],
+        errors: WrenchErrors,
+        profile: FilterProfile,
+        seed: int,
+        stream: int,
+        step_s: float,
+    ) -> None:
+        self._tap, self._errors, self._profile = tap, errors, profile
+        self._seed, self._stream, self._step_s = seed, stream, step_s
+        turn = np.kron(np.eye(2), _rotation(np.array(errors.rotation_rad)).T)
+        self._gain = (np.array(errors.matrix) if errors.matrix is not None else np.eye(6)) @ turn
+        self._bias, self._drift = np.array(errors.bias), np.array(errors.drift_per_s)
+        self._delay_ns = round(errors.delay_s * 1e9)
+        self._analogue = (
+            LowPass(profile.analogue_hz, 1.0 / step_s, profile.order) if profile.analogue_hz is not None else None
+        )
+        self._before: tuple[int, np.ndarray] | None = None
+        self._integral = np.zeros(6)
+        self._at_last_sample = np.zeros(6)
+        self._sampled = 0
+        self._first_ns = 0
+        self._starts = 0
+
+    def start(self, rate_hz: float, now_ns: int) -> None:
+        """Samples at ``rate_hz`` from one period after ``now_ns`` on."""
+        internal = rate_hz * self._profile.oversampling
+        self._period_ns = 1e9 / internal
+        self._digital = (
+            LowPass(self._profile.digital_hz, internal, self._profile.order)
+            if self._profile.digital_hz is not None
+            else None
+        )
+        channels = [self._errors.force_noise] * 3 + [self._errors.torque_noise] * 3
+        # Every start draws on: noise never repeats, whatever the host does with the sensor.
+        self._starts += 1
+        stream = self._stream + STREAMS * self._starts
+        self._noise: Iterator[list[float]] = noise_rows(channels, 1.0 / internal, self._seed, stream)
+        self._first_ns, self._sampled = now_ns, 0
+        self._at_last_sample = self._integral.copy()
+
+    def samples(self, now_ns: int) -> list[tuple[int, np.ndarray]]:
+        """Output samples that fell due by ``now_ns``: (instant in ns, six numbers in N and N·m), oldest first."""
+        due: list[tuple[int, np.ndarray]] = []
+        while self._tap:
+            stamp, true = self._tap.popleft()
+            value = self._gain @ true + self._bias + self._drift * (stamp * 1e-9)
+            if self._analogue is not None:
+                value = self._analogue.step(value)
+            self._take(stamp + self._delay_ns, value, due)
+        return due
+
+    def _take(self, stamp: int, value: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
+        """One step of the delayed signal: every internal sample between the last step and this one."""
+        if self._before is None:
+            self._before = (stamp, value)
+            self._first_ns = max(self._first_ns, stamp)
+            return
+        begin, old = self._before
+        span = stamp - begin
+        while (instant := self._first_ns + round((self._sampled + 1) * self._period_ns)) <= stamp:
+            share = max(0.0, (instant - begin) / span)
+            here = old + share * (value - old)
+            area = self._integral + (0.5 * share * span) * (old + here)
+            self._sampled += 1
+            self._sample(instant, here, area, due)
+        self._integral += (0.5 * span) * (old + value)
+        self._before = (stamp, value)
+
+    def _sample(self, instant: int, here: np.ndarray, area: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
+        profile = self._profile
+        if profile.analogue_hz is None:
+            here = (area - self._at_last_sample) / self._period_ns
+            self._at_last_sample = area
+        reading = here + next(self._noise)
+        if self._digital is not None:
+            reading = self._digital.step(reading)
+        if self._sampled % profile.oversampling == 0:
+            due.append((instant, reading))
+
+
+def _rotation(vector: np.ndarray) -> np.ndarray:
+    """Rodrigues' formula for a rotation vector in rad."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross)
