@@ -25,7 +25,7 @@ _RANK_TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """The smallest set of combinations that fixes all joint torques: beta = combination · psi, tau = (K·columns)·beta."""
+    """The fewest combinations that fix all joint torques: beta = combination · psi, tau = select(K) · beta."""
 
     names: tuple[str, ...]
     """The combinations in symbols, e.g. ``Izz1 + Ixx2 + Ixx3 + 0.2025 m3``."""

@@ -29,7 +29,7 @@ class TorqueResidual:
 
 @dataclass(frozen=True)
 class Fit:
-    """Torque residuals over some recordings; `relative_error` is 100·‖residual‖/‖measured‖ over all joints, in percent."""
+    """Torque residuals over some recordings; `relative_error`: 100·‖residual‖/‖measured‖ over all joints, percent."""
 
     joints: dict[str, TorqueResidual]
     relative_error: float

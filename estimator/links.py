@@ -31,11 +31,12 @@ from estimator.whitening import white_weight, whitening_weight
 
 Array = NDArray[np.float64]
 
-Estimator = Literal["least_squares", "weighted", "instrumental_variables"]
+Estimator = Literal["least_squares", "weighted", "whitened", "instrumental_variables"]
 
 _BAND_OVER_MOTION = 10.0
 """The torque of a motion holds harmonics of its velocity; ten times its band keeps them."""
-_LEAST_BAND = 5.0
+_LEAST_BAND, _WIDEST_BAND = 5.0, 25.0
+"""Hz. Above some 25 Hz arms swing on their joints and are no rigid bodies."""
 _WIDTHS = np.array([0.003, 0.03, 0.15])
 """Widths of the friction sigmoid to choose from, as shares of the joint's rms speed."""
 _EXCITED = 1e-6
@@ -62,7 +63,8 @@ def identify_links(
     """Base parameters, friction, rotor inertias and offsets with standard errors.
 
     One pass sums the recordings up; everything else is algebra on the sums. ``weighted`` weights each joint by its
-    noise and whitens its colour, iteratively; ``instrumental_variables`` takes the regressor of the commanded motion
+    residual, iteratively; ``whitened`` also whitens the residual's colour, which is best when noise and not the model's
+    faults make the residual; ``instrumental_variables`` is weighted and takes the regressor of the commanded motion
     as instruments, so that noise in angles and velocities does not bias the answer; all trajectories must then
     have `Trajectory.q_desired`.
 
@@ -71,7 +73,7 @@ def identify_links(
     options = options or LinkOptions()
     _check(body, trajectories, options)
     base = base_parameters(body)
-    band = options.band_hz or max(_BAND_OVER_MOTION * motion_band(tuple(trajectories)), _LEAST_BAND)
+    band = options.band_hz or float(np.clip(_BAND_OVER_MOTION * motion_band(trajectories), _LEAST_BAND, _WIDEST_BAND))
     candidates = candidate_terms(options.terms, _friction_widths(trajectories))
     by_instruments = options.estimator == "instrumental_variables"
     layout = make_layout(body, base, candidates, instruments=by_instruments)
@@ -79,7 +81,7 @@ def identify_links(
     if sums.rows < 2 * layout.size / body.n:
         raise InputError(
             "recordings",
-            f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns in a band of {band:.3g} Hz",
+            f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns at {band:.3g} Hz",
             "record longer motion",
         )
     chosen, weights, solution = _estimate(layout, sums, options, by_instruments)
@@ -127,19 +129,19 @@ def _estimate(
     equations = assemble(layout, sums, weights)
     chosen = _one_width_a_joint(layout, equations, excited(equations, layout.base.rank, _EXCITED))
     if options.estimator != "least_squares":
-        weights = _reweighted(layout, sums, chosen, weights)
+        weights = _reweighted(layout, sums, chosen, weights, options.estimator == "whitened")
     else:
         weights = np.array([white_weight(1.0)] * layout.body.n)
     equations = assemble(layout, sums, weights, by_instruments)
     if options.select_terms:
         chosen = _supported(layout, equations, chosen, sums.rows * layout.body.n)
         if options.estimator != "least_squares":
-            weights = _reweighted(layout, sums, chosen, weights)
+            weights = _reweighted(layout, sums, chosen, weights, options.estimator == "whitened")
             equations = assemble(layout, sums, weights, by_instruments)
     return chosen, weights, solve(equations.of(chosen))
 
 
-def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array) -> Array:
+def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array, whiten: bool) -> Array:
     """Weights from the residuals of the weighted solution, a few times over."""
     for _ in range(_REWEIGHTINGS):
         equations = assemble(layout, sums, weights).of(chosen)
@@ -149,7 +151,8 @@ def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array) -
         floor = 1e-14 * torque_power(layout, sums.batches) + np.finfo(float).tiny
         covariance[:, 0] = np.maximum(covariance[:, 0], floor)
         free = max(1.0, sums.rows - len(chosen) / layout.body.n) / sums.rows
-        weights = np.array([whitening_weight(row / free, sums.rows) for row in covariance])
+        covariance /= free
+        weights = np.array([whitening_weight(row, sums.rows) if whiten else white_weight(row[0]) for row in covariance])
     return weights
 
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Per batch: ``matrix`` (batches, P, P) · unknowns = ``right`` (batches, P). Symmetric unless instruments are used."""
+    """Per batch: ``matrix`` (batches, P, P) · unknowns = ``right`` (batches, P). Symmetric without instruments."""
 
     matrix: Array
     right: Array
@@ -85,7 +85,7 @@ def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int
     """Unknowns whose columns the data tell apart, by pivoted elimination on the normalised information.
 
     An unknown is left out when the ones already taken explain all but ``tolerance`` of its column's energy. The first
-    ``rank`` unknowns go before the others: a rotor inertia that only repeats a link's inertia is left out, not the link.
+    ``rank`` unknowns go first: a rotor inertia that only repeats a link's inertia is left out, not the link.
     """
     total = equations.matrix.sum(axis=0)
     scale = _scale(total)

@@ -181,7 +181,7 @@ def _cross(x: Array, p: list[float | Array]) -> Array:
 
 
 def _project(state: _LinkState, out: Array) -> None:
-    """Power of the link's ten unit wrenches (Eq. 4.1) on the unit motion of each ancestor: out (ancestors, 10, samples)."""
+    """Power of the link's ten unit wrenches (Eq. 4.1) on each ancestor's unit motion: out (ancestors, 10, samples)."""
     w, dw, a, turn, slide = state.w, state.dw, state.a, state.turn, state.slide
     wx, wy, wz = w
     dx, dy, dz = dw

@@ -1,4 +1,4 @@
-"""The rigid body: a URDF read by pinocchio, joints that are not recorded held still, parameters in the thesis' order."""
+"""The rigid body: a URDF read by pinocchio, unrecorded joints held still, parameters in the thesis' order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From recordings to rows: regressor, terms and torque of each joint, filtered alike and decimated, summed as they come."""
+"""From recordings to rows: regressor, terms and torque of each joint, filtered alike, decimated, summed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHUNK = 16_384
 
 @dataclass(frozen=True)
 class Layout:
-    """What the columns of each joint's rows are: [base parameters that reach the joint | its terms | torque | instruments]."""
+    """The columns of each joint's rows: [base parameters that reach the joint | its terms | torque | instruments]."""
 
     body: RigidBody
     base: BaseParameters
@@ -52,11 +52,9 @@ def make_layout(
     """Layout of an arm; which base parameters reach which joint follows from its geometry."""
     random = np.random.default_rng(1)
     q, dq, ddq = random.normal(0.0, 2.0, (3, 40, body.n))
-    active: list[tuple[int, ...]] = []
     blocks = [block.copy() for _, block in regressor_blocks(body, q, dq, ddq)]
     magnitude = np.abs(np.concatenate(blocks, axis=2)).max(axis=2)[:, list(base.kept)]
-    for row in magnitude:
-        active.append(tuple(int(k) for k in np.flatnonzero(row > 1e-9 * magnitude.max())))
+    active = [tuple(np.flatnonzero(row > 1e-9 * magnitude.max()).tolist()) for row in magnitude]
     return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments)
 
 
@@ -101,7 +99,7 @@ def _on_grid(trajectory: Trajectory, piece: slice, rate: float) -> dict[str, Arr
 
 
 def _above_band(tau: Array, inner: Array, plan: FilterPlan) -> Array:
-    """Sum of squares that white noise would have left in the decimated rows, judged by what lies above the kinematics' band."""
+    """Sum of squares that white noise would leave in the decimated rows, judged by what lies above the band."""
     above = inner - convolve(tau, plan.smooth)
     centre = plan.smooth[len(plan.smooth) // 2]
     passed = 1.0 - 2.0 * centre + float(plan.smooth @ plan.smooth)
@@ -118,7 +116,7 @@ class _RowMaker:
         self.fine = Decimator(plan.stride * plan.decimation)
 
     def __call__(self, motion: Motion, tau: Array, desired: Motion | None) -> list[Array]:
-        layout, n = self.layout, self.layout.body.n
+        n = self.layout.body.n
         taper = self._taper(len(tau))
         rigid = self._rigid(motion, taper)
         terms = self._terms(motion, taper)

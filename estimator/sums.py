@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class Sums:
         count = rows[0].shape[1]
         pieces = int(np.clip(count // _LEAST_ROWS, 1, 10))
         edges = np.linspace(0, count, pieces + 1).astype(int)
-        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        for begin, end in pairwise(edges):
             self.batches.append(Batch(int(end - begin), recording, [_lagged_products(x, begin, end) for x in rows]))
         self._thin()
 
@@ -78,8 +79,7 @@ class Sums:
         """Merges the neighbours that are smallest together, those of one recording first."""
         while len(self.batches) > _MOST_BATCHES:
             costs = [
-                (a.recording != b.recording, a.rows + b.rows, k)
-                for k, (a, b) in enumerate(zip(self.batches[:-1], self.batches[1:], strict=True))
+                (a.recording != b.recording, a.rows + b.rows, k) for k, (a, b) in enumerate(pairwise(self.batches))
             ]
             k = min(costs)[2]
             self.batches[k].absorb(self.batches.pop(k + 1))

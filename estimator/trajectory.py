@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,15 +75,15 @@ class Trajectory:
         return float(1.0 / np.median(np.diff(self.t)))
 
     def segments(self, longest: int, overlap: int) -> Iterator[slice]:
-        """Runs of samples without gaps and NaN, each at most ``longest``; those of one run share ``overlap`` samples."""
-        good = np.isfinite(self.tau).all(axis=1) & np.isfinite(self.q).all(axis=1)
+        """Runs of samples without gaps and NaN, at most ``longest``; pieces of one run share ``overlap`` samples."""
+        good: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([self.tau, self.q])).all(axis=1))
         for channel in (self.dq, self.ddq, self.q_desired):
             if channel is not None:
-                good &= np.isfinite(channel).all(axis=1)
+                good &= np.asarray(np.isfinite(channel).all(axis=1))
         steps = np.diff(self.t)
-        broken = (steps > _GAP_PERIODS * np.median(steps)) | ~good[1:] | ~good[:-1]
+        broken = np.logical_or(steps > _GAP_PERIODS * np.median(steps), ~(good[1:] & good[:-1]))
         edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(self.t)]
-        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        for begin, end in pairwise(edges):
             if end - begin < 2 or not good[begin]:
                 continue
             while end - begin > longest:
