@@ -1,4 +1,4 @@
-"""The stand-in arm as a process: opens the buses and serial lines of an installation and serves them until told to end."""
+"""The stand-in arm as a process: opens the buses and serial lines of an installation and serves them."""
 
 from __future__ import annotations
 
@@ -82,9 +82,10 @@ def _serve(
 ) -> None:
     epoll = select.epoll()
     sources: dict[int, LocalPort | SocketCanPort | Connection | SerialSensor] = {}
-    for source in (*ports, *sensors):
-        sources[source.fileno()] = source
-        epoll.register(source.fileno(), select.EPOLLIN)
+    sources.update({port.fileno(): port for port in ports})
+    sources.update({sensor.fileno(): sensor for sensor in sensors})
+    for descriptor in sources:
+        epoll.register(descriptor, select.EPOLLIN)
     epoll.register(wake.fileno(), select.EPOLLIN)
     clock: Lockstep | WallClock
     if lockstep:

@@ -7,10 +7,10 @@ other polarity from start of frame to the end of the CRC sequence. The count is 
 from __future__ import annotations
 
 import struct
+from array import array
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 FRAME_SIZE = 16
 EXTENDED = 0x8000_0000
@@ -37,14 +37,14 @@ def error_frame(error_class: int, data: bytes = bytes(8)) -> bytes:
     return CAN_FRAME.pack(ERROR | error_class, 8, data)
 
 
-def arbitration_key(can_id: int) -> int:
-    """Order in which identifiers win the bus: the smaller key wins.
+@cache
+def arbitration_key(identifier: bytes) -> int:
+    """Order in which identifiers win the bus, from the four bytes in a `struct can_frame`: the smaller key wins.
 
     The key is the arbitration field as sent: base identifier, RTR or SRR, IDE, extension, RTR. So a standard frame
     wins over an extended one with the same base identifier, and a data frame over a remote one.
     """
-    if can_id < 0x800:
-        return can_id << 21
+    can_id = int.from_bytes(identifier, "little")
     remote = 1 if can_id & REMOTE else 0
     if can_id & EXTENDED:
         base, extension = (can_id >> 18) & 0x7FF, can_id & 0x3FFFF
@@ -72,17 +72,22 @@ def _stuff_table(width: int) -> bytes:
     return (count << 3 | bit << 2 | run - 1).astype(np.uint8).tobytes()
 
 
-def _crc_table(bits_after: int) -> list[int]:
-    """CRC-15 contribution of every byte that ``bits_after`` further message bits follow (the CRC is linear)."""
-    values: NDArray[np.int64] = np.arange(256, dtype=np.int64) << 7
-    for _ in range(8 + bits_after):
-        values = np.where(values & 0x4000, values << 1 ^ _CRC_POLYNOMIAL, values << 1) & 0x7FFF
-    contribution: list[int] = values.tolist()
-    return contribution
+def _crc_table(width: int, bits_after: int) -> array[int]:
+    """CRC-15 contribution of every word of ``width`` bits that ``bits_after`` more follow (the CRC is linear)."""
+    word = np.arange(1 << width, dtype=np.int64)
+    crc = np.zeros_like(word)
+    for shift in range(width - 1, -1 - bits_after, -1):
+        sent = word >> shift & 1 if shift >= 0 else 0
+        feedback = (crc >> 14 ^ sent) & 1
+        crc = crc << 1 & 0x7FFF ^ feedback * _CRC_POLYNOMIAL
+    return array("H", crc.astype(np.uint16).tobytes())
 
 
-_STUFF_8, _STUFF_15 = _stuff_table(8), _stuff_table(15)
-_CRC = [_crc_table(8 * k) for k in range(8)]
+_STUFF_8, _STUFF_15, _STUFF_16 = _stuff_table(8), _stuff_table(15), _stuff_table(16)
+_CRC_8 = _crc_table(8, 0)
+_CRC_16 = [_crc_table(16, 8 * after) for after in range(7)]
+_WORDS = [struct.Struct(f">8x{n // 2}H{'B' * (n % 2)}{8 - n}x").unpack for n in range(9)]
+"""The data of a frame as big-endian words, and a last byte, by number of data bytes."""
 
 
 def _crc_step(crc: int, bit: int) -> int:
@@ -120,12 +125,16 @@ def frame_bits(raw: bytes) -> int:
     Args:
         raw: one ``struct can_frame``.
     """
-    can_id = int.from_bytes(raw[:4], "little")
-    data_bytes, bits, crc, state = _header(can_id, raw[4])
+    data_bytes, bits, crc, state = _header(int.from_bytes(raw[:4], "little"), raw[4])
     stuffed = state >> 3
-    for k in range(data_bytes):
-        byte = raw[8 + k]
-        crc ^= _CRC[data_bytes - 1 - k][byte]
-        state = _STUFF_8[(state & 7) << 8 | byte]
+    after = data_bytes
+    for word in _WORDS[data_bytes](raw):
+        if after > 1:
+            after -= 2
+            crc ^= _CRC_16[after][word]
+            state = _STUFF_16[(state & 7) << 16 | word]
+        else:
+            crc ^= _CRC_8[word]
+            state = _STUFF_8[(state & 7) << 8 | word]
         stuffed += state >> 3
     return bits + stuffed + (_STUFF_15[(state & 7) << 15 | crc] >> 3)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
 import socket
 import stat
 from collections import deque
-from collections.abc import Callable
 from pathlib import Path
 
 from config import InputError
@@ -184,6 +182,6 @@ def _clear_leftover(path: Path, place: str) -> None:
         refused = probe.connect_ex(str(path))
     if refused == errno.ECONNREFUSED:
         with contextlib.suppress(OSError):
-            os.unlink(path)
+            path.unlink()
         return
     raise InputError(place, "another stand-in arm runs on this bus", "stop it first, or use its arm")

@@ -15,7 +15,7 @@ _BACKLOG = 256
 
 
 class SocketCanPort:
-    """Carries our nodes' frames to the interface at the end of their modelled transmission, and others' to the nodes."""
+    """Carries our nodes' frames to the interface when their modelled transmission ends, and others' to the nodes."""
 
     def __init__(self, interface: str, bus: Bus) -> None:
         """

@@ -48,34 +48,37 @@ class Bus:
         self._waiting: list[tuple[int, int, bytes, Controller]] = []
         self._sequence = 0
         self._on_wire: tuple[int, bytes, Controller] | None = None
-        self._ears: list[Controller] = []
-        self._handlers: dict[int, list[tuple[Controller, FrameHandler]]] = {}
+        self._interframe_ns = int(INTERFRAME_BITS * self._bit_ns)
+        self._ears: list[tuple[Controller, FrameHandler]] = []
+        self._handlers: dict[bytes, list[tuple[Controller, FrameHandler]]] = {}
+        """By the four bytes of the identifier in a `struct can_frame`."""
         self._at_once = False
 
     def attach(self, controller: Controller) -> None:
         """Connect a controller; one with an ear hears every frame of the others from now on."""
         if controller.hear is not None:
-            self._ears.append(controller)
+            self._ears.append((controller, controller.hear))
 
     def detach(self, controller: Controller) -> None:
         """Disconnect a controller: what it has queued is not sent, what is on the wire ends as it is."""
-        if controller in self._ears:
-            self._ears.remove(controller)
+        self._ears = [entry for entry in self._ears if entry[0] is not controller]
         self._waiting = [entry for entry in self._waiting if entry[3] is not controller]
         heapq.heapify(self._waiting)
         controller.queued = 0
 
     def listen(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Have ``handler`` called for every frame of others with this identifier (its acceptance filter)."""
-        self._handlers[can_id] = [*self._handlers.get(can_id, ()), (controller, handler)]
+        key = can_id.to_bytes(4, "little")
+        self._handlers[key] = [*self._handlers.get(key, ()), (controller, handler)]
 
     def ignore(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Undo a `listen`."""
-        remaining = [entry for entry in self._handlers[can_id] if entry != (controller, handler)]
+        key = can_id.to_bytes(4, "little")
+        remaining = [entry for entry in self._handlers[key] if entry != (controller, handler)]
         if remaining:
-            self._handlers[can_id] = remaining
+            self._handlers[key] = remaining
         else:
-            del self._handlers[can_id]
+            del self._handlers[key]
 
     def send(self, controller: Controller, raw: bytes) -> bool:
         """Queue a frame at the present time; False when the controller's queue is full and the frame is lost."""
@@ -87,8 +90,7 @@ class Bus:
             return False
         controller.queued += 1
         self._sequence += 1
-        key = arbitration_key(int.from_bytes(raw[:4], "little"))
-        heapq.heappush(self._waiting, (key, self._sequence, raw, controller))
+        heapq.heappush(self._waiting, (arbitration_key(raw[:4]), self._sequence, raw, controller))
         return True
 
     def exchange_at_once(self, controller: Controller, raw: bytes) -> None:
@@ -125,8 +127,7 @@ class Bus:
                 if not self._waiting or self._free_ns >= t_ns or self.clock_ns >= t_ns:
                     break
                 self._start()
-            assert self._on_wire is not None
-            end, raw, sender = self._on_wire
+            end, raw, sender = self._on_wire  # type: ignore[misc]
             if end > t_ns:
                 break
             self.clock_ns = end
@@ -135,22 +136,21 @@ class Bus:
         self.clock_ns = t_ns
 
     def _start(self) -> None:
+        """Give the wire to the frame that wins the arbitration."""
         _, _, raw, sender = heapq.heappop(self._waiting)
         sender.queued -= 1
         bits = frame_bits(raw)
-        start = max(self._free_ns, self.clock_ns)
-        end = start + round(bits * self._bit_ns)
-        self._free_ns = start + round((bits + INTERFRAME_BITS) * self._bit_ns)
+        start = self._free_ns if self._free_ns > self.clock_ns else self.clock_ns
+        end = start + int(bits * self._bit_ns)
+        self._free_ns = end + self._interframe_ns
         self._on_wire = (end, raw, sender)
 
     def _deliver(self, raw: bytes, sender: Controller) -> None:
         self.frames += 1
         now = self.clock_ns
-        for ear in self._ears:
-            if ear is not sender and ear.hear is not None:
-                ear.hear(now, raw)
-        handlers = self._handlers.get(int.from_bytes(raw[:4], "little"))
-        if handlers is not None:
-            for listener, handler in handlers:
-                if listener is not sender:
-                    handler(now, raw)
+        for ear, hear in self._ears:
+            if ear is not sender:
+                hear(now, raw)
+        for listener, handler in self._handlers.get(raw[:4], ()):
+            if listener is not sender:
+                handler(now, raw)

@@ -160,9 +160,7 @@ class ObjectStore:
         access = str(variable.access_type).lower()
         numeric = variable.data_type in _FORMATS
         if not numeric and variable.data_type not in _TEXT:
-            raise InputError(
-                place, f"data type {variable.data_type:#06x} is not supported", "use an integer or a string"
-            )
+            raise InputError(place, f"has the data type {variable.data_type:#06x}", "use an integer or a string")
         code = _FORMATS[variable.data_type] if numeric else ""
         default = variable.default
         text = b"" if numeric else (default if isinstance(default, bytes) else str(default or "").encode())

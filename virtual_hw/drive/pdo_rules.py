@@ -8,15 +8,8 @@ from virtual_hw.drive.aborts import Abort, SdoAbort
 from virtual_hw.drive.pdo import EVENT_DRIVEN, INVALID, SYNCHRONOUS_MAX, Pdo, mapped_entry, mapping_layout
 
 _EXTENDED_ID = 1 << 29
-_RESTRICTED = (
-    (0x000, 0x000),
-    (0x001, 0x07F),
-    (0x101, 0x180),
-    (0x581, 0x5FF),
-    (0x601, 0x67F),
-    (0x6E0, 0x6FF),
-    (0x701, 0x7FF),
-)
+_RESTRICTED = ((0x000, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
+"""Identifiers that no PDO may have (CiA 301, table 37)."""
 
 
 class PdoRules:
