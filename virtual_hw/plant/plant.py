@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
 from virtual_hw.hidden.bodies import Payload
 from virtual_hw.hidden.motor import Motor, phase_currents
@@ -58,7 +59,7 @@ class Plant:
 
         body: Multibody = parts.multibody
         self._model, self._data, self._dof = body.model, body.data, body.dof
-        self._wrench_taps: list[tuple[int, deque[WrenchSample]]] = []
+        self._wrench_taps: list[tuple[np.ndarray, deque[WrenchSample]]] = []
         self._rotor_armature = parts.armature
         self._q: list[float] = body.data.qpos.tolist()
         self._dq = [0.0] * len(self._q)
@@ -134,8 +135,8 @@ class Plant:
             shaft.settle(dq, h)
         if self._wrench_taps:
             stamp = round((t + half) * 1e9)
-            for address, samples in self._wrench_taps:
-                samples.append((stamp, self._data.sensordata[address : address + 6].tolist()))
+            for view, samples in self._wrench_taps:
+                samples.append((stamp, view.tolist()))
 
     def _change_payload(self, payload: Payload) -> None:
         """Hang the payload on and take it off at its times."""
@@ -180,5 +181,6 @@ class Plant:
         about its origin: a load at rest under a sensor whose z points up reads +m·g in z.
         """
         samples: deque[WrenchSample] = deque()
-        self._wrench_taps.append((int(self._model.sensor(f"{sensor}/f").adr[0]), samples))
+        address = int(self._model.sensor(f"{sensor}/f").adr[0])
+        self._wrench_taps.append((self._data.sensordata[address : address + 6], samples))
         return samples

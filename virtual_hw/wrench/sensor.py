@@ -24,11 +24,8 @@ class Sensor(ABC):
         self._skipped = False
         self.latest = np.zeros(6)
         """Last output sample, N and N·m in the sensor's frame."""
-
-    @property
-    def total_bytes(self) -> int:
+        self.total_bytes = 0
         """Bytes the line has carried to the host altogether."""
-        return self._line.total_bytes
 
     def fileno(self) -> int:
         """Readable when the host has sent commands."""
@@ -52,6 +49,7 @@ class Sensor(ABC):
             self._line.queue(self._frame(wrench, instant_ns, self._skipped), instant_ns)
             self._skipped = False
         self._line.pump(now_ns)
+        self.total_bytes = self._line.total_bytes
 
     @abstractmethod
     def _hear(self, received: bytes, now_ns: int) -> None:

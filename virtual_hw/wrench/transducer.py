@@ -16,7 +16,6 @@ from scipy.signal import butter, tf2ss
 from virtual_hw.hidden.noise import noise_rows
 from virtual_hw.hidden.wrench_sensor import WrenchErrors
 
-
 STREAMS = 1000
 """More than there are sensors: distance of the noise streams of one sensor's starts."""
 
@@ -53,16 +52,17 @@ class LowPass:
         self._w = np.zeros(self._states + 6)
         self._fresh = True
 
-    def step(self, u: np.ndarray) -> np.ndarray:
+    def step(self, u: np.ndarray | list[float]) -> np.ndarray:
         """The filtered sample; the first input is taken as having been there for ever."""
         w, n = self._w, self._states
         w[n:] = u
         if self._fresh:
-            w[:n] = self._settled @ u
+            w[:n] = self._settled @ w[n:]
             self._fresh = False
         out = self._matrix @ w
         w[:n] = out[:n]
-        return np.asarray(out[n:])
+        filtered: np.ndarray = out[n:]
+        return filtered
 
 
 class Transducer:
@@ -116,12 +116,10 @@ class Transducer:
     def samples(self, now_ns: int) -> list[tuple[int, np.ndarray]]:
         """Output samples that fell due by ``now_ns``: (instant in ns, six numbers in N and N·m), oldest first."""
         due: list[tuple[int, np.ndarray]] = []
-        while self._tap:
-            stamp, true = self._tap.popleft()
-            value = self._gain @ true + self._bias + self._drift * (stamp * 1e-9)
-            if self._analogue is not None:
-                value = self._analogue.step(value)
-            self._take(stamp + self._delay_ns, value, due)
+        tap, analogue = self._tap, self._analogue
+        while tap:
+            stamp, true = tap.popleft()
+            self._take(stamp + self._delay_ns, np.array(true) if analogue is None else analogue.step(true), due)
         return due
 
     def _take(self, stamp: int, value: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
@@ -132,24 +130,25 @@ class Transducer:
             return
         begin, old = self._before
         span = stamp - begin
+        averaging = self._analogue is None
         while (instant := self._first_ns + round((self._sampled + 1) * self._period_ns)) <= stamp:
             share = max(0.0, (instant - begin) / span)
             here = old + share * (value - old)
-            area = self._integral + (0.5 * share * span) * (old + here)
+            if averaging:
+                area = self._integral + (0.5 * share * span) * (old + here)
+                here, self._at_last_sample = (area - self._at_last_sample) / self._period_ns, area
             self._sampled += 1
-            self._sample(instant, here, area, due)
-        self._integral += (0.5 * span) * (old + value)
+            self._sample(instant, here, due)
+        if averaging:
+            self._integral = self._integral + (0.5 * span) * (old + value)
         self._before = (stamp, value)
 
-    def _sample(self, instant: int, here: np.ndarray, area: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
-        profile = self._profile
-        if profile.analogue_hz is None:
-            here = (area - self._at_last_sample) / self._period_ns
-            self._at_last_sample = area
-        reading = here + next(self._noise)
+    def _sample(self, instant: int, true: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
+        # The gauges' errors stand behind the analogue filter here: it is linear and the same for all six channels.
+        reading = self._gain @ true + (self._bias + self._drift * (instant * 1e-9) + next(self._noise))
         if self._digital is not None:
             reading = self._digital.step(reading)
-        if self._sampled % profile.oversampling == 0:
+        if self._sampled % self._profile.oversampling == 0:
             due.append((instant, reading))
 
 
