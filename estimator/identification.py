@@ -57,7 +57,7 @@ class LinkIdentification:
     duration: float
     """s"""
     condition_number: float
-    """Of the base regressor with columns scaled to unit length."""
+    """Of the filtered base regressor, all joints alike, columns in SI units."""
     fit: Fit
     hold_out: Fit | None
     status: str

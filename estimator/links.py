@@ -84,8 +84,8 @@ def identify_links(
             f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns at {band:.3g} Hz",
             "record longer motion",
         )
-    chosen, weights, solution = _estimate(layout, sums, options, by_instruments)
-    return _result(layout, sums, options, hold_out, band, chosen, weights, solution)
+    chosen, solution = _estimate(layout, sums, options, by_instruments)
+    return _result(layout, sums, options, hold_out, band, chosen, solution)
 
 
 def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
@@ -120,10 +120,8 @@ def _friction_widths(trajectories: Sequence[Trajectory]) -> Array:
     return np.asarray(np.maximum(speed, 1e-3 * speed.max())[:, None] * _WIDTHS)
 
 
-def _estimate(
-    layout: Layout, sums: Sums, options: LinkOptions, by_instruments: bool
-) -> tuple[list[int], Array, Solution]:
-    """Chosen unknowns, weights (n, LAGS), and their solution."""
+def _estimate(layout: Layout, sums: Sums, options: LinkOptions, by_instruments: bool) -> tuple[list[int], Solution]:
+    """Chosen unknowns, and their solution."""
     power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
     weights = np.array([white_weight(p) for p in power])
     equations = assemble(layout, sums, weights)
@@ -138,7 +136,7 @@ def _estimate(
         if options.estimator != "least_squares":
             weights = _reweighted(layout, sums, chosen, weights, options.estimator == "whitened")
             equations = assemble(layout, sums, weights, by_instruments)
-    return chosen, weights, solve(equations.of(chosen))
+    return chosen, solve(equations.of(chosen))
 
 
 def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array, whiten: bool) -> Array:
@@ -200,7 +198,6 @@ def _result(
     hold_out: Sequence[Trajectory],
     band: float,
     chosen: list[int],
-    weights: Array,
     solution: Solution,
 ) -> LinkIdentification:
     rank = layout.base.rank
@@ -211,10 +208,9 @@ def _result(
     unknowns[chosen] = solution.value
     covariance[np.ix_(chosen, chosen)] = solution.covariance
     missing = [layout.base.names[k] for k in range(rank) if k not in chosen]
-    equations = assemble(layout, sums, weights)
-    information = equations.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
-    scale = np.sqrt(np.diag(information))
-    eigenvalues = np.linalg.eigvalsh(information / np.outer(scale, scale))
+    plain = assemble(layout, sums, np.array([white_weight(1.0)] * layout.body.n))
+    information = plain.of([k for k in chosen if k < rank]).matrix.sum(axis=0)
+    eigenvalues = np.linalg.eigvalsh(information)
     status = "identified"
     warnings: list[str] = []
     if missing:
@@ -237,7 +233,7 @@ def _result(
         band=band,
         samples=sums.samples,
         duration=sums.duration,
-        condition_number=float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], 1e-300))),
+        condition_number=float(np.sqrt(eigenvalues[-1] / max(float(eigenvalues[0]), np.finfo(float).tiny))),
         fit=_fit(layout, sums, unknowns),
         hold_out=held_out,
         status=status,

@@ -44,8 +44,9 @@ def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = 
         p = len(unknowns)
         left = slice(p + 1, 2 * p + 1) if by_instruments else slice(0, p)
         place = np.ix_(unknowns, unknowns)
+        lags = np.flatnonzero(weights[joint])
         for b, batch in enumerate(sums.batches):
-            gram = np.tensordot(weights[joint], batch.lagged[joint], 1)
+            gram = sum((weights[joint, lag] * batch.lagged[joint][lag] for lag in lags), np.zeros(()))
             matrix[b][place] += gram[left, :p]
             right[b, unknowns] += gram[left, p]
     return NormalEquations(matrix, right)
@@ -62,12 +63,9 @@ def solve(equations: NormalEquations) -> Solution:
     count, size = equations.right.shape
     if count < 4:
         return Solution(value, np.full((size, size), np.inf), 0.0)
-    without = np.empty((count, size))
-    for b in range(count):
-        rest = total - equations.matrix[b]
-        without[b] = (
-            np.linalg.lstsq(rest / np.outer(scale, scale), (right - equations.right[b]) / scale, rcond=1e-12)[0] / scale
-        )
+    # What only one batch can tell leaves a singular rest: the slight ridge turns it into a large error, not a fault.
+    rest = (total - equations.matrix) / np.outer(scale, scale) + 1e-12 * np.eye(size)
+    without = np.linalg.solve(rest, ((right - equations.right) / scale)[..., None])[..., 0] / scale
     deviation = without - value
     return Solution(value, (count - 1) / count * deviation.T @ deviation, count - 1.0)
 
