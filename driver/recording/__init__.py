@@ -1,10 +1,23 @@
 """Recordings: one MCAP file a run, written beside the loop; read, recovered, replayed, exported; foreign files too."""
 
 from driver.recording.process import RecorderProcess, RecorderStatus
+from driver.recording.reader import export, read_recording
+from driver.recording.recording import Event, Gap, Recording
+from driver.recording.recovery import RecoveryReport, recover
+from driver.recording.replay import ReplayReport, replay
 from driver.recording.run_writer import RunWriter
 
 __all__ = [
+    "Event",
+    "Gap",
     "RecorderProcess",
     "RecorderStatus",
+    "Recording",
+    "RecoveryReport",
+    "ReplayReport",
     "RunWriter",
+    "export",
+    "read_recording",
+    "recover",
+    "replay",
 ]

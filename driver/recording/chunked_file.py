@@ -83,6 +83,11 @@ class ChunkedFile:
         """Messages in whole chunks on disk."""
         return sum(self._counts.values())
 
+    @property
+    def seconds(self) -> float:
+        """From the first to the last of those messages."""
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / 1e9
+
     def add_schema(self, schema: Schema) -> None:
         self._schemas[schema.id] = schema
         self._append(encoded(schema))

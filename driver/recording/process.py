@@ -7,7 +7,7 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -272,7 +272,11 @@ def record(connection: Connection, installation: Installation, ring_name: str, d
 
 def _serve(recorder: _Recorder, connection: Connection) -> None:
     verb, arguments = connection.recv()
-    commands = {"start_run": recorder.start_run, "stop_run": recorder.stop_run, "status": recorder.status}
+    commands: dict[str, Callable[..., Any]] = {
+        "start_run": recorder.start_run,
+        "stop_run": recorder.stop_run,
+        "status": recorder.status,
+    }
     try:
         connection.send((commands[verb](*arguments), None))
     except InputError as error:

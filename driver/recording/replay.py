@@ -1,0 +1,152 @@
+"""Decodes the raw channels of a recording again, by the code that decoded them live, and compares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+
+from mcap.records import Channel
+
+from config import InputError, Installation
+from config.schema import Mode
+from driver.cia402.pdo import PdoCodec
+from driver.recording.installation_attachments import attached_installation
+from driver.recording.message_records import NO_WRENCH, BytesRecord, CanFrameRecord, JointStateRecord, WrenchRecord
+from driver.recording.run_writer import JOINT_STATES, METADATA, can_topics, serial_topics, wrench_topics
+from driver.recording.topic_messages import McapFile
+from driver.wrench import make_parser
+
+BODY = 31
+"""Where a message record's body starts."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first message of a topic that replay makes otherwise; either is None where there is none."""
+
+    topic: str
+    message: int
+    recorded: bytes | None
+    replayed: bytes | None
+
+
+@dataclass
+class ReplayReport:
+    """What replay of one recording gave. ``messages``: how many were made again, by topic."""
+
+    path: Path
+    messages: dict[str, int] = field(default_factory=dict)
+    differences: list[Difference] = field(default_factory=list)
+
+    @property
+    def identical(self) -> bool:
+        """Every decoded message came out again, byte for byte."""
+        return not self.differences
+
+    @property
+    def sentence(self) -> str:
+        made = ", ".join(f"{count} messages on {topic}" for topic, count in self.messages.items())
+        if self.identical:
+            return f"{self.path}: the raw channels give the decoded ones again, byte for byte ({made})"
+        first = self.differences[0]
+        return f"{self.path}: {first.topic} differs from its raw channel, first in message {first.message}"
+
+
+def replay(path: Path | str) -> ReplayReport:
+    """Decode /can/… and /serial/… of our own recording and compare with /joint_states and /wrench.
+
+    Raises InputError for a recording without raw channels or without its installation, and for a damaged one.
+    """
+    path = Path(path)
+    with McapFile(path) as file:
+        installation = attached_installation(file.attachments(), str(path))
+        if installation is None:
+            raise InputError(str(path), "does not carry the installation it was made with", "replay our own recordings")
+        metadata = next((m.metadata for m in file.metadata() if m.name == METADATA), {})
+        report = ReplayReport(path)
+        channels = {channel.topic: channel for channel in file.channels.values()}
+        _compare(
+            file, JOINT_STATES, _joint_states(file, installation, channels, metadata.get("mode")), report, channels
+        )
+        for number, topic in enumerate(wrench_topics(installation)):
+            _compare(file, topic, _wrench(file, installation, number, channels), report, channels)
+        return report
+
+
+def _records(file: McapFile, wanted: dict[int, int]) -> Iterator[tuple[int, int, int, bytes]]:
+    """(sequence, log time, value of ``wanted``, record) of the wanted channels' messages, in the file's order."""
+    for batch in file.batches(frozenset(wanted)):
+        places = sorted((int(at), channel_id) for channel_id, found in batch.offsets.items() for at in found)
+        data = batch.data.data
+        for at, channel_id in places:
+            end = at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+            record = bytes(data[at:end])
+            log_ns = int.from_bytes(record[15:23], "little")
+            yield int.from_bytes(record[11:15], "little"), log_ns, wanted[channel_id], record
+
+
+def _codec(installation: Installation, mode: str | None, path: Path) -> PdoCodec:
+    """The codec of the recorded mode; a recording that does not say needs an installation where all modes measure alike."""
+    chosen: list[Mode] = [m for m in installation.modes if mode in (m, None)]
+    codecs = [PdoCodec(installation, m) for m in chosen]
+    if not codecs:
+        raise InputError(str(path), f"was made in mode {mode!r}, which its installation has not", "check its metadata")
+    layouts = {tuple(pdo for maps in codec.maps for pdo in maps if not pdo.receive) for codec in codecs}
+    if len(layouts) > 1:
+        raise InputError(str(path), "does not say in which mode it was made", "record with `mode` in the metadata")
+    return codecs[0]
+
+
+def _joint_states(
+    file: McapFile, installation: Installation, channels: dict[str, Channel], mode: str | None
+) -> Iterator[bytes]:
+    """/joint_states from the frames of each cycle: a joint whose feedback did not come is NaN."""
+    topics = can_topics(installation)
+    if missing := [topic for topic in topics if topic not in channels]:
+        raise InputError(str(file.path), f"has no raw channel {missing[0]}", "replay our own recordings")
+    codec = _codec(installation, mode, file.path)
+    record = JointStateRecord(channels[JOINT_STATES].id, installation.joint_names, (True, True, True))
+    # The message itself is among them, so that a cycle without any frame is a cycle all the same.
+    wanted = {channels[topic].id: bus for bus, topic in enumerate(topics)} | {channels[JOINT_STATES].id: -1}
+    for (sequence, log_ns), cycle in groupby(_records(file, wanted), key=itemgetter(0, 1)):
+        codec.begin_cycle()
+        for _, _, bus, frame in cycle:
+            if bus < 0:
+                continue
+            sent, _, data = CanFrameRecord.unpack(frame[BODY:])
+            if not sent:
+                codec.receive(bus, data, len(data))
+        measured = codec.feedback()
+        yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
+
+
+def _wrench(file: McapFile, installation: Installation, number: int, channels: dict[str, Channel]) -> Iterator[bytes]:
+    """One sensor's samples from the bytes of its line."""
+    sensor = installation.wrench_sensor[number]
+    topic = serial_topics(installation)[number]
+    if topic not in channels:
+        raise InputError(str(file.path), f"has no raw channel {topic}", "replay our own recordings")
+    parser = make_parser(sensor)
+    record = WrenchRecord(channels[wrench_topics(installation)[number]].id, sensor.frame)
+    for sequence, log_ns, _, raw in _records(file, {channels[topic].id: number}):
+        for sample in parser.feed(BytesRecord.unpack(raw[BODY:]), log_ns):
+            yield record.pack(sequence, log_ns, sample.stamp_ns, sample.values if sample.fresh else NO_WRENCH)
+
+
+def _compare(
+    file: McapFile, topic: str, replayed: Iterator[bytes], report: ReplayReport, channels: dict[str, Channel]
+) -> None:
+    recorded = (record for _, _, _, record in _records(file, {channels[topic].id: 0}))
+    count = 0
+    while True:
+        old, new = next(recorded, None), next(replayed, None)
+        if old is None and new is None:
+            break
+        count += 1
+        if old != new:
+            report.differences.append(Difference(topic, count, old, new))
+            break
+    report.messages[topic] = count
