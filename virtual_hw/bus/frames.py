@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from array import array
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def error_frame(error_class: int, data: bytes = bytes(8)) -> bytes:
     return CAN_FRAME.pack(ERROR | error_class, 8, data)
 
 
-@cache
+@lru_cache(maxsize=4096)
 def arbitration_key(identifier: bytes) -> int:
     """Order in which identifiers win the bus, from the four bytes in a `struct can_frame`: the smaller key wins.
 
@@ -96,7 +96,7 @@ def _crc_step(crc: int, bit: int) -> int:
     return crc ^ _CRC_POLYNOMIAL if feedback else crc
 
 
-@cache
+@lru_cache(maxsize=4096)
 def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
     """(data bytes, unstuffed bits in all, CRC contribution of the header, stuffing after the header)."""
     remote = 1 if can_id & REMOTE else 0
