@@ -56,6 +56,16 @@ class LinkChange(Section):
     centre_shift_m: Vector3 = (0.0, 0.0, 0.0)
 
 
+class InertiaExcess(Section):
+    """Inertia that a link has beyond its body, of either sign, in the link's directions.
+
+    For arms known by estimated base parameters alone: those need not be any body's.
+    """
+
+    link: Name
+    inertia_kg_m2: Inertia
+
+
 class Payload(RigidBody):
     """A rigid load in the tool's frame, from ``from_s`` on until ``until_s``."""
 

@@ -1,6 +1,8 @@
 """The hidden mechanics of a stand-in arm: one TOML file that nothing outside `virtual_hw` reads.
 
 A table or an array of tables for each kind of law, by the law's name; the classes beside this file hold their keys.
+``extends = "other"`` starts from another file: an entry for the same joint, link or sensor replaces the keys it names,
+other arrays of tables are lengthened, everything else is replaced.
 """
 
 from __future__ import annotations
@@ -8,14 +10,14 @@ from __future__ import annotations
 import os
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from config import InputError, Installation
 from config.loader import read_toml, validate
 from config.schema import Section
-from virtual_hw.hidden.bodies import BaseTilt, Link, LinkChange, Payload, SloshingLoad
+from virtual_hw.hidden.bodies import BaseTilt, InertiaExcess, Link, LinkChange, Payload, SloshingLoad
 from virtual_hw.hidden.contact import Push, Wall
 from virtual_hw.hidden.friction import Friction
 from virtual_hw.hidden.joint_sensors import AngleSensor, TorqueSensor, VelocitySensor
@@ -39,6 +41,7 @@ class HiddenMechanics(Section):
 
     link: tuple[Link, ...] = ()
     link_change: tuple[LinkChange, ...] = ()
+    inertia_excess: tuple[InertiaExcess, ...] = ()
     payload: Payload | None = None
     sloshing_load: SloshingLoad | None = None
     base_tilt: BaseTilt = BaseTilt()
@@ -62,19 +65,11 @@ class HiddenMechanics(Section):
 
     @model_validator(mode="after")
     def _once(self) -> Self:
-        for table in ("motor", "rotor_inertia", "elasticity", "friction", *SENSOR_TABLES):
-            joints = [entry.joint for entry in getattr(self, table)]
-            for joint in joints:
-                if joints.count(joint) > 1:
-                    raise ValueError(f"{table}: joint {joint!r} is there twice; keep one")
-        for key, names in (
-            ("link", [b.link for b in self.link]),
-            ("link_change", [b.link for b in self.link_change]),
-            ("wrench_sensor", [w.sensor for w in self.wrench_sensor]),
-        ):
+        for table, key in ONE_EACH.items():
+            names = [getattr(entry, key) for entry in getattr(self, table)]
             for name in names:
                 if names.count(name) > 1:
-                    raise ValueError(f"{key}: {name!r} is there twice; keep one")
+                    raise ValueError(f"{table}: {key} {name!r} is there twice; keep one")
         inertias = {r.joint for r in self.rotor_inertia}
         for entry in self.elasticity:
             if entry.joint not in inertias:
@@ -84,7 +79,20 @@ class HiddenMechanics(Section):
         return self
 
 
-SENSOR_TABLES = ("angle_sensor", "velocity_sensor", "torque_sensor")
+ONE_EACH = {
+    "link": "link",
+    "link_change": "link",
+    "inertia_excess": "link",
+    "motor": "joint",
+    "rotor_inertia": "joint",
+    "elasticity": "joint",
+    "friction": "joint",
+    "angle_sensor": "joint",
+    "velocity_sensor": "joint",
+    "torque_sensor": "joint",
+    "wrench_sensor": "sensor",
+}
+"""Tables with at most one entry for each of the named key; of the others a joint or link may have several."""
 
 
 def load_hidden(installation: Installation, source: Path | str | None = None) -> HiddenMechanics:
@@ -101,7 +109,7 @@ def load_hidden(installation: Installation, source: Path | str | None = None) ->
             )  # fmt: skip
         source = installation.virtual.hidden
     path = _path(str(source), installation.path.parent)
-    hidden = validate(HiddenMechanics, read_toml(path), path)
+    hidden = validate(HiddenMechanics, _read(path), path)
     _check_names(hidden, installation, path)
     return hidden
 
@@ -118,9 +126,41 @@ def parse_hidden(text: str, installation: Installation, place: str = "hidden mec
     except tomllib.TOMLDecodeError as error:
         raise InputError(place, f"is not valid TOML: {error}", "correct the line") from None
     path = Path(place)
-    hidden = validate(HiddenMechanics, data, path)
+    hidden = validate(HiddenMechanics, _extended(data, installation.path.parent, ()), path)
     _check_names(hidden, installation, path)
     return hidden
+
+
+def _read(path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
+    if path in below:
+        raise InputError(str(path), "extends itself", "remove one of the extends keys")
+    return _extended(read_toml(path), path.parent, (*below, path))
+
+
+def _extended(data: dict[str, Any], beside: Path, below: tuple[Path, ...]) -> dict[str, Any]:
+    source = data.pop("extends", None)
+    if source is None:
+        return data
+    merged = _read(_path(str(source), beside), below)
+    for key, value in data.items():
+        old = merged.get(key)
+        merged[key] = (
+            _joined(old, value, ONE_EACH.get(key)) if isinstance(old, list) and isinstance(value, list) else value
+        )
+    return merged
+
+
+def _joined(old: list[Any], new: list[Any], identity: str | None) -> list[Any]:
+    if identity is None or not all(isinstance(entry, dict) for entry in old + new):
+        return old + new
+    entries = [dict(entry) for entry in old]
+    by_name = {entry.get(identity): entry for entry in entries}
+    for entry in new:
+        if entry.get(identity) in by_name:
+            by_name[entry.get(identity)].update(entry)
+        else:
+            entries.append(entry)
+    return entries
 
 
 def _path(source: str, beside: Path) -> Path:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from config import InputError, Installation
-from virtual_hw.hidden.bodies import RigidBody, inertia_matrix
+from virtual_hw.hidden.bodies import InertiaExcess, RigidBody, inertia_matrix
 from virtual_hw.hidden.mechanics import HiddenMechanics
 from virtual_hw.plant.urdf import UrdfBody, UrdfJoint, UrdfTree, read_urdf
 
@@ -39,6 +39,8 @@ def build_multibody(installation: Installation, hidden: HiddenMechanics) -> Mult
         model = spec.compile()
     except ValueError as error:
         raise InputError(str(path), f"the bodies make no mechanical model: {error}", "check the inertials") from None
+    for excess in hidden.inertia_excess:
+        _add_inertia(model, excess)
     model.opt.disableflags |= int(
         mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         | mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -53,6 +55,18 @@ def build_multibody(installation: Installation, hidden: HiddenMechanics) -> Mult
         model.jnt_stiffness[model.joint(name).id] = stiffness
         loose.append((int(model.joint(name).dofadr[0]), stiffness, ratio))
     return Multibody(model, data, dof, tuple(loose))
+
+
+def _add_inertia(model: mujoco.MjModel, excess: InertiaExcess) -> None:
+    """Add to a link's inertia after compiling, which refuses what no body has. Inertia without mass has no centre."""
+    link = model.body(excess.link)
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, link.iquat)
+    axes = turn.reshape(3, 3)
+    total = axes @ np.diag(link.inertia) @ axes.T + inertia_matrix(excess.inertia_kg_m2)
+    principal, directions = np.linalg.eigh(total)
+    link.inertia[:] = principal
+    link.iquat[:] = _quaternion(directions * np.linalg.det(directions))
 
 
 class _Assembly:
@@ -94,7 +108,7 @@ class _Assembly:
                 )
         wanted = [("arm.tool_frame", self.installation.arm.tool_frame)]
         wanted += [(f"wrench_sensor {s.name}", s.frame) for s in self.installation.wrench_sensor]
-        for table in ("link", "link_change", "wall", "push"):
+        for table in ("link", "link_change", "inertia_excess", "wall", "push"):
             wanted += [(f"hidden {table}", entry.link) for entry in getattr(self.hidden, table)]
         for who, link in wanted:
             if link not in links:
