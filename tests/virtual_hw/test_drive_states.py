@@ -144,6 +144,8 @@ def test_brake_opens_only_with_torque(bench: Any) -> None:
 def test_quick_stop_options(bench: Any, option: int) -> None:
     bench.enable()
     bench.write(0x605A, 0, option, 2)
+    bench.write(0x2100, 1, 40_000_000, 4)  # stiff, so that the arm keeps up with the ramp
+    bench.write(0x2100, 2, 400_000, 4)
     bench.write(0x6085, 0, 200_000, 4)
     bench.write(0x6084, 0, 100_000, 4)
     bench.arm.dq[0] = 2.0
@@ -208,7 +210,7 @@ def test_halt_stops_and_stays_enabled(bench: Any, option: int) -> None:
     bench.write(0x605D, 0, option, 2)
     bench.arm.dq[0] = 1.0
     bench.controlword(0x10F)
-    bench.run(400)
+    bench.run(1500)
     assert bench.state is S.OPERATION_ENABLED
     assert bench.arm.dq[0] == pytest.approx(0.0, abs=1e-2)
     assert bench.status & 0x1400 == 0x0400
