@@ -53,9 +53,7 @@ EXPECTED = {
         QUICK_STOP: S.QUICK_STOP_ACTIVE,
         RESET: S.SWITCH_ON_DISABLED,
     },
-    S.FAULT_REACTION_ACTIVE: dict.fromkeys(
-        (SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, RESET), S.FAULT
-    ),
+    S.FAULT_REACTION_ACTIVE: dict.fromkeys((SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, RESET), S.FAULT),
     S.FAULT: {
         SHUTDOWN: S.FAULT,
         SWITCH_ON: S.FAULT,
@@ -230,5 +228,3 @@ def test_a_stop_holds_a_loaded_joint(bench: Any) -> None:
         bench.run(1)
         lowest = min(lowest, bench.arm.q[0])
     assert lowest > before - 0.01
-
-

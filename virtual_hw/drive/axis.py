@@ -60,7 +60,7 @@ class Axis:
         self._quick_stop_option = 0
         self._reset_bit = True
         self._following_ns = 0
-        self._fresh = False
+        self._fresh = self._commanded = False
         self._limited = False
         slot = store.slot
         self._controlword, self._statusword = slot(0x6040), slot(0x6041)
@@ -77,6 +77,7 @@ class Axis:
         self._profile_deceleration, self._quick_deceleration = slot(0x6084), slot(0x6085)
         store.guards[0x6060, 0] = self._guard_mode
         store.effects[0x6060, 0] = lambda _: self.select_mode()
+        store.effects[0x6040, 0] = lambda _: self.new_command()
         store.effects[0x607A, 0] = lambda _: self.new_setpoint()
         for subindex in (1, 2):
             store.effects[0x2100, subindex] = lambda _: self._take_gains()
@@ -100,6 +101,10 @@ class Axis:
     def new_setpoint(self) -> None:
         """The host's targets are valid from now on; taken up on the next tick."""
         self._fresh = True
+
+    def new_command(self) -> None:
+        """The host has sent a controlword: only a new one, not the old one still standing, leaves a quick stop."""
+        self._commanded = True
 
     def select_mode(self) -> None:
         """Take up 6060 where it is a supported mode, and display it in 6061."""
@@ -139,6 +144,7 @@ class Axis:
 
     def _abort_motion(self) -> None:
         option = self._option(0x6007)
+        self._commanded = False
         if self.state is not PowerState.OPERATION_ENABLED:
             return
         if option == 2:
@@ -173,7 +179,7 @@ class Axis:
         torque = 0.0
         if self.state in ENERGISED:
             torque, status = self._control(counts, velocity)
-        self._fresh = False
+        self._fresh = self._commanded = False
         self._torque = torque
         self._show(status)
         return torque
@@ -242,7 +248,7 @@ class Axis:
         return self.blocked or self._values[self._mode] == Mode.NONE
 
     def _may_resume(self) -> bool:
-        return self._quick_stop_option in _STAYING_QUICK_STOPS and not self._refuses_to_enable()
+        return self._commanded and self._quick_stop_option in _STAYING_QUICK_STOPS and not self._refuses_to_enable()
 
     def _quick_stop(self) -> None:
         self._quick_stop_option = self._option(0x605A)

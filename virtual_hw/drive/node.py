@@ -212,6 +212,8 @@ class DriveNode:
 
     def _commanded(self, rpdo: ReceivePdo) -> None:
         self.axis.new_setpoint()
+        if 0x6040 in rpdo.indices:
+            self.axis.new_command()
         if 0x6060 in rpdo.indices:
             self.axis.select_mode()
 
