@@ -12,15 +12,19 @@ from mcap.records import Channel
 
 from config import InputError, Installation
 from config.schema import Mode
-from driver.cia402.pdo import PdoCodec
+from driver.cia402.pdo import SYNC, PdoCodec
 from driver.recording.installation_attachments import attached_installation
-from driver.recording.message_records import NO_WRENCH, BytesRecord, CanFrameRecord, JointStateRecord, WrenchRecord
+from driver.recording.message_records import (
+    NO_WRENCH,
+    RECORD_HEAD_BYTES,
+    BytesRecord,
+    CanFrameRecord,
+    JointStateRecord,
+    WrenchRecord,
+)
 from driver.recording.run_writer import JOINT_STATES, METADATA, can_topics, serial_topics, wrench_topics
 from driver.recording.topic_messages import McapFile
 from driver.wrench import make_parser
-
-BODY = 31
-"""Where a message record's body starts."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ def _records(file: McapFile, wanted: dict[int, int]) -> Iterator[tuple[int, int,
 
 
 def _codec(installation: Installation, mode: str | None, path: Path) -> PdoCodec:
-    """The codec of the recorded mode; a recording that does not say needs an installation where all modes measure alike."""
+    """The codec of the recorded mode; where the recording does not say, all modes must measure alike."""
     chosen: list[Mode] = [m for m in installation.modes if mode in (m, None)]
     codecs = [PdoCodec(installation, m) for m in chosen]
     if not codecs:
@@ -116,9 +120,12 @@ def _joint_states(
         for _, _, bus, frame in cycle:
             if bus < 0:
                 continue
-            sent, _, data = CanFrameRecord.unpack(frame[BODY:])
+            sent, _, data = CanFrameRecord.unpack(frame[RECORD_HEAD_BYTES:])
             if not sent:
                 codec.receive(bus, data, len(data))
+            elif data == SYNC:
+                # What came before the cycle's SYNC is late feedback of the cycle before: recorded, never used.
+                codec.begin_cycle()
         measured = codec.feedback()
         yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
 
@@ -132,7 +139,7 @@ def _wrench(file: McapFile, installation: Installation, number: int, channels: d
     parser = make_parser(sensor)
     record = WrenchRecord(channels[wrench_topics(installation)[number]].id, sensor.frame)
     for sequence, log_ns, _, raw in _records(file, {channels[topic].id: number}):
-        for sample in parser.feed(BytesRecord.unpack(raw[BODY:]), log_ns):
+        for sample in parser.feed(BytesRecord.unpack(raw[RECORD_HEAD_BYTES:]), log_ns):
             yield record.pack(sequence, log_ns, sample.stamp_ns, sample.values if sample.fresh else NO_WRENCH)
 
 

@@ -55,9 +55,13 @@ class WrenchPort:
             raise InputError(place, *_refusal(error, path, sensor)) from None
         try:
             fcntl.ioctl(line.fileno(), termios.TIOCEXCL)
-        except OSError as error:
+            settings = termios.tcgetattr(line.fileno())
+            # Without this an empty line and one that was cut would both read as no bytes.
+            settings[6][termios.VMIN] = 1
+            termios.tcsetattr(line.fileno(), termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
             line.close()
-            raise InputError(place, f"{path} is not a serial line ({error.strerror})", "correct `port`") from None
+            raise InputError(place, f"{path} is not a serial line ({error.args[-1]})", "correct `port`") from None
         return cls(sensor, path, line, low_latency=_ask_low_latency(line))
 
     def fileno(self) -> int:
@@ -70,7 +74,9 @@ class WrenchPort:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise self._lost(error) from None
+            raise self._lost(error.strerror or str(error)) from None
+        if not data:
+            raise self._lost("hung up")
         self.received += len(data)
         return data
 
@@ -197,10 +203,12 @@ class WrenchPort:
                     ) from None
                 select.select([], [self._fd], [], ANSWER_S)
             except OSError as error:
-                raise InputError(str(self.path), str(self._lost(error)), "plug it in and try again") from None
+                raise InputError(
+                    str(self.path), str(self._lost(error.strerror or str(error))), "plug it in and try again"
+                ) from None
 
-    def _lost(self, error: OSError) -> SensorLost:
-        return SensorLost(f"wrench sensor {self.sensor.name}: its line {self.path} is gone ({error.strerror})")
+    def _lost(self, why: str) -> SensorLost:
+        return SensorLost(f"wrench sensor {self.sensor.name}: its line {self.path} is gone ({why})")
 
 
 def port_path(sensor: WrenchSensor, run_dir: Path | None = None) -> Path:
