@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 import mmap
 import struct
-from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from driver.cyclic.cycle import Cycle, LoopState, RawFrame, WrenchSample
@@ -17,6 +17,8 @@ from driver.cyclic.cycle import Cycle, LoopState, RawFrame, WrenchSample
 COLUMNS = 7
 """q, dq, tau, q_d, dq_d, tau_command, tau_ff: one number a joint each."""
 FRAME = 16
+EVENT_BYTES = 512
+"""A sentence is cut here."""
 TAIL_BYTES = 2560
 BATCH_HEAD = struct.Struct("<BBHIq")
 SERIAL_HEAD = struct.Struct("<HHI")
@@ -40,6 +42,27 @@ Serial = tuple[int, bytes]
 """(sensor number, bytes of its line)."""
 
 
+@dataclass(slots=True)
+class _Late:
+    """What did not fit in its own slot, in order."""
+
+    frames: list[Batch] = field(default_factory=list)
+    serial: list[Serial] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
+
+    @property
+    def waiting(self) -> bool:
+        return bool(self.frames or self.serial or self.events)
+
+    def before(
+        self, frames: Sequence[Batch], serial: Sequence[Serial], events: Sequence[str]
+    ) -> tuple[list[Batch], list[Serial], list[str]]:
+        """All that is late with the new behind it; nothing is late any more."""
+        everything = self.frames + list(frames), self.serial + list(serial), self.events + list(events)
+        self.frames, self.serial, self.events = [], [], []
+        return everything
+
+
 class SlotCodec:
     """Encoder and decoder of the slots of an arm with ``joints`` joints.
 
@@ -52,7 +75,7 @@ class SlotCodec:
         self.fixed = struct.Struct(f"<IIIIq HHHBB Q q 6dq i4x {COLUMNS * joints}d")
         self._tail = 8 + self.fixed.size
         self.slot_bytes = (self._tail + tail_bytes + 63) // 64 * 64
-        self._late: deque[Batch | Serial | str] = deque()
+        self._late = _Late()
 
     def used_bytes(self, buffer: Buffer, start: int) -> int:
         """Length of the slot at ``start``, bounded by the slot's size whatever the bytes say."""
@@ -77,44 +100,46 @@ class SlotCodec:
     ) -> None:
         """Write one cycle at ``start``, all but its sequence number (the first 8 bytes)."""
         at, end = start + self._tail, start + self.slot_bytes
-        if self._late:
-            late, self._late = self._late, deque()
-            frames = [x for x in late if isinstance(x, Batch)] + list(frames)
-            serial = [x for x in late if isinstance(x, tuple) and not isinstance(x, Batch)] + list(serial)
-            events = [x for x in late if isinstance(x, str)] + list(events)
+        if self._late.waiting:
+            frames, serial, events = self._late.before(frames, serial, events)
         batches = lines = sentences = 0
-        for batch in frames:
-            size = len(batch.data)
-            if at + 16 + size > end:
-                room = max(0, (end - at - 16) // FRAME * FRAME)
-                self._late.append(batch._replace(data=batch.data[room:]))
-                if not room:
-                    continue
-                batch, size = batch._replace(data=batch.data[:room]), room
+        for k, batch in enumerate(frames):
+            data = batch.data
+            room = (end - at - 16) // FRAME * FRAME
+            if len(data) > room:
+                self._late.frames += [batch._replace(data=bytes(data[max(0, room) :])), *frames[k + 1 :]]
+                if room <= 0:
+                    break
+                data = data[:room]
+            size = len(data)
             BATCH_HEAD.pack_into(buffer, at, batch.bus, batch.sent, size // FRAME, 0, batch.time_ns)
             at += 16
-            buffer[at : at + size] = batch.data
-            at += size
-            batches += 1
-        for sensor, data in serial:
-            size = len(data)
-            if at + 8 + size > end:
-                room = max(0, end - at - 8)
-                self._late.append((sensor, data[room:]))
-                if not room:
-                    continue
-                data, size = data[:room], room
-            SERIAL_HEAD.pack_into(buffer, at, sensor, 0, size)
-            at += 8
             buffer[at : at + size] = data
             at += size
+            batches += 1
+            if self._late.frames:
+                break
+        for k, (sensor, line) in enumerate(serial):
+            room = end - at - 8
+            if len(line) > room:
+                self._late.serial += [(sensor, line[max(0, room) :]), *serial[k + 1 :]]
+                if room <= 0:
+                    break
+                line = line[:room]
+            size = len(line)
+            SERIAL_HEAD.pack_into(buffer, at, sensor, 0, size)
+            at += 8
+            buffer[at : at + size] = line
+            at += size
             lines += 1
-        for sentence in events:
-            text = sentence.encode()[: TAIL_BYTES - 64]
+            if self._late.serial:
+                break
+        for k, sentence in enumerate(events):
+            text = sentence.encode()[:EVENT_BYTES]
             size = len(text)
             if at + 2 + size > end:
-                self._late.append(sentence)
-                continue
+                self._late.events += events[k:]
+                break
             EVENT_HEAD.pack_into(buffer, at, size)
             at += 2
             buffer[at : at + size] = text

@@ -1,0 +1,226 @@
+"""The cyclic loop: one cycle after another, from SYNC to ring."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from config import InputError, Installation
+from config.schema import Mode
+from driver.cia402.commission import commission
+from driver.cia402.pdo import CommandNotRepresentable, heartbeat
+from driver.cyclic.cycle import LoopState
+from driver.cyclic.exchange import Exchange, LockstepExchange, open_exchange
+from driver.cyclic.feedback import ArmFeedback
+from driver.cyclic.gate import Gate
+from driver.cyclic.last_frames import LastFrames
+from driver.cyclic.lateness import Lateness
+from driver.cyclic.machine import Answer, ArmMachine, Command
+from driver.cyclic.ring import RingWriter
+from driver.cyclic.status import BusStatus, LoopStatus, RealtimeReport
+from driver.cyclic.supervision import Supervision
+from driver.cyclic.wrench_lines import WrenchLines
+from driver.gravity import RigidBody
+from driver.plan import Plan
+
+GOOD_START = 0.25
+"""A cycle that begins within this share of its period is on time."""
+
+
+class CyclicLoop:
+    """Everything of one installation that happens each cycle. `cycle` runs one; requests act at the next.
+
+    Raises InputError when a bus, drive or sensor is not as configured.
+    """
+
+    def __init__(
+        self,
+        installation: Installation,
+        *,
+        lockstep: bool,
+        ring: RingWriter,
+        realtime: RealtimeReport,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.installation, self.lockstep, self.realtime = installation, lockstep, realtime
+        self.ring = ring
+        self.body = RigidBody(installation)
+        self._names = installation.joint_names
+        self._feedback = ArmFeedback(len(self._names))
+        self._gate = Gate(installation)
+        self._supervision = Supervision(installation)
+        self._frames = LastFrames([bus.name for bus in installation.bus])
+        self._lateness = Lateness()
+        self._index = self._missed = self._good = self._runs = 0
+        self._time_ns = 0
+        self._good_start_ns = GOOD_START * installation.cycle.period_ns
+        self._beat_every = max(1, round(installation.cycle.heartbeat_ms * 1e-3 * installation.cycle.rate_hz / 2))
+        self._since_beat = self._beat_every
+        self._events: list[str] = []
+        self._waits: deque[tuple[int, Answer]] = deque()
+        self._cpu = (time.process_time_ns(), 0)
+        self._needs_commissioning = False
+        self._exchange: Exchange | None = None
+        self._lines: WrenchLines | None = None
+        try:
+            self._commission(installation.modes[0], progress)
+            progress("wrench sensors")
+            self._lines = WrenchLines(installation)
+            if isinstance(self._exchange, LockstepExchange) and self._lines:
+                self._exchange.look()
+                self._lines.anchor(self._exchange.serial_bytes)
+        except BaseException:
+            self.close()
+            raise
+
+    # ── requests ──
+
+    def enable(self, mode: Mode, answer: Answer, progress: Callable[[str], None]) -> None:
+        """Enable in ``mode``, after setting the drives up for it when they are not; raises InputError."""
+        if mode not in self.installation.modes:
+            raise InputError("mode", f"{mode} is not allowed", f"this installation has {', '.join(self.installation.modes)}")
+        if mode != self.machine.mode and self.machine.state is LoopState.IDLE:
+            self._commission(mode, progress)
+            self._settle()
+        self.machine.enable(answer)
+
+    def play(self, plan: Plan) -> int:
+        """Begin to play; returns the run's number. Raises InputError, with nothing moved, when the plan is refused."""
+        plan.check(self.installation)
+        self.machine.play(plan, self.body if plan.urdf is None else RigidBody(self.installation, plan.urdf), self._runs + 1)
+        self._runs += 1
+        return self._runs
+
+    def reset(self, answer: Answer, progress: Callable[[str], None]) -> None:
+        """Acknowledge the latched fault; sets the drives up anew first when one may have lost its configuration."""
+        if self._needs_commissioning and self.machine.state is LoopState.LATCHED:
+            cause = self.machine.cause
+            self._commission(self.machine.mode, progress)
+            self.machine.state, self.machine.cause = LoopState.LATCHED, cause
+            self._settle()
+        self._supervision.forget()
+        self.machine.clear(answer)
+
+    def run_for(self, seconds: float, answer: Answer) -> None:
+        """Answer when that much of the loop's time has passed."""
+        cycles = max(1, round(seconds * self.installation.cycle.rate_hz))
+        self._waits.append((self._index + cycles, answer))
+
+    @property
+    def busy(self) -> bool:
+        """Whether time must pass for what was asked; lockstep stands still otherwise."""
+        return self.machine.busy or bool(self._waits)
+
+    # ── the cycle ──
+
+    def cycle(self) -> None:
+        """One cycle: SYNC, feedback, supervision, state machine, gate, commands, ring."""
+        exchange, feedback, machine = self._live(), self._feedback, self.machine
+        codec = exchange.codec
+        begun = exchange.begin()
+        self._time_ns = begun.time_ns
+        exchange.collect()
+        feedback.take(codec.feedback(), begun.time_ns)
+        now_ns = exchange.now_ns
+        serial, wrench = [], None
+        if self._lines:
+            totals = exchange.serial_bytes if isinstance(exchange, LockstepExchange) else None
+            serial, wrench = self._lines.read(now_ns, totals)
+            self._events += self._lines.take_events()
+        punctual = not begun.skipped and begun.late_ns <= self._good_start_ns
+        found = self._supervision.look(codec.reception, feedback, exchange.faults, punctual=punctual)
+        exchange.faults.clear()
+        self._events += found.events
+        self._needs_commissioning |= found.recommission
+        was = machine.state
+        command = self._admitted(machine.step(feedback, found.causes))
+        good = punctual and feedback.complete and not exchange.dead
+        self._send(exchange, command, good)
+        self._publish(exchange, begun, command, wrench, serial)
+        if machine.state is LoopState.STOPPING is not was:
+            self._frames.freeze()
+        self._index += 1 + begun.skipped
+        self._missed += begun.skipped + (not good)
+        self._good += good
+        self._lateness.add(begun.late_ns)
+        while self._waits and self._waits[0][0] <= self._index:
+            self._waits.popleft()[1](None)
+
+    def _admitted(self, command: Command) -> Command:
+        """The command if the gate admits it, else a stop's, else the drives' own quick stop."""
+        reason = self._refusal(command)
+        if reason is not None:
+            self._events.append(f"gate: {reason}")
+            command = self.machine.refused(reason)
+            reason = self._refusal(command)
+            if reason is not None:
+                self._events.append(f"gate: {reason}; the drives stop by themselves")
+                command = self.machine.quick_stop()
+        return command
+
+    def _refusal(self, command: Command) -> str | None:
+        fb, machine = self._feedback, self.machine
+        refusal = self._gate.check(
+            machine.state, command.words, command.q_d, command.dq_d, command.tau, fb.q, fb.dq, fb.age,
+            position_is_sent=machine.mode == "csp", torque_interval_s=command.interval_s,
+        )  # fmt: skip
+        return None if refusal is None else str(refusal)
+
+    def _send(self, exchange: Exchange, command: Command, good: bool) -> None:
+        try:
+            frames = exchange.codec.encode(command.words, command.q_d, command.dq_d, command.tau)
+        except CommandNotRepresentable as problem:
+            # Nothing goes out: the drives miss their RPDO, and the stop that follows takes over next cycle.
+            self._events.append(str(problem))
+            self.machine.stop(str(problem))
+            frames = []
+        self._since_beat += 1
+        if good and self._since_beat >= self._beat_every and frames:
+            self._since_beat = 0
+            frames = [data + self._beat for data in frames]
+        if frames:
+            exchange.command(frames)
+            self.machine.sent(command)
+
+    def _publish(
+        self,
+        exchange: Exchange,
+        begun: Begun,
+        command: Command,
+        wrench: WrenchSample | None,
+        serial: Sequence[Serial],
+    ) -> None:
+        fb, machine = self._feedback, self.machine
+        batches = exchange.take_batches()
+        self._frames.add(batches)
+        events, self._events = self._events, []
+        valid = sum(1 << i for i, ok in enumerate(fb.valid) if ok)
+        self.ring.publish(
+            self._index, begun.time_ns, begun.late_ns, machine.state, machine.playing_run, valid,
+            [*fb.q, *fb.dq, *fb.tau, *command.q_d, *command.dq_d, *command.tau, *command.tau_ff],
+            wrench, batches, serial, events,
+        )  # fmt: skip
+
+    # ── commissioning ──
+
+    def _commission(self, mode: Mode, progress: Callable[[str], None]) -> None:
+        """Set all drives up for ``mode`` and take up the exchange with them."""
+        if self._exchange is not None:
+            self._exchange.close()
+            self._exchange = None
+        commission(self.installation, mode, progress=progress)
+        self._needs_commissioning = False
+        codec = PdoCodec(self.installation, mode)
+        self._exchange = open_exchange(self.installation, codec, lockstep=self.lockstep)
+        self._beat = heartbeat(self._master_id)
+        self._supervision.forget()
+        self._feedback = ArmFeedback(len(self._names))
+        self.machine = ArmMachine(self.installation, mode, self.body, self._events.append)
+
+    def close(self) -> None:
+        """Leave buses and lines. The drives notice by their own means; bring them to rest first."""
+        if self._exchange is not None:
+            self._exchange.close()
+        if self._lines is not None:
+            self._lines.close()

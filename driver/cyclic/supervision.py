@@ -1,0 +1,132 @@
+"""Watches everything that must stop all axes: emergencies, lost feedback, heartbeats, buses, deadlines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from config import Installation
+from driver.bus.errors import decode_error_frame
+from driver.bus.frames import ERROR_FLAG, Frame
+from driver.cia402.emergencies import decode_emergency
+from driver.cia402.pdo import Reception
+from driver.cia402.states import State, describe_statusword
+from driver.cyclic.feedback import ArmFeedback
+
+HEARTBEATS_MISSED = 3
+"""A drive's heartbeat is lost after this many of its periods."""
+EMERGENCY, HEARTBEAT = 0x080, 0x700
+NODES = 0x7F
+BOOT_UP, OPERATIONAL = 0x00, 0x05
+COMMUNICATION_ERRORS = (0x8100, 0x8200)
+"""Classes of emergencies after which a drive may not accept a fault reset before its communication is reset."""
+NMT_WORDS = {0x04: "stopped", 0x7F: "pre-operational"}
+
+
+@dataclass(slots=True)
+class Findings:
+    """What one cycle brought: sentences for /events, and of those the ones that must stop the arm."""
+
+    events: list[str] = field(default_factory=list)
+    causes: list[str] = field(default_factory=list)
+    recommission: bool = False
+    """A drive may have lost its configuration, or will not accept a fault reset without being set up anew."""
+
+
+class Supervision:
+    """Looks at each cycle's traffic and feedback; tells, and never acts."""
+
+    def __init__(self, installation: Installation) -> None:
+        self._names = installation.joint_names
+        buses = [bus.name for bus in installation.bus]
+        self._bus_names = buses
+        self._joint_at = {(buses.index(j.bus), j.node_id): i for i, j in enumerate(installation.joint)}
+        self._limit = installation.cycle.missed_deadlines_to_stop
+        self._heartbeat_cycles = HEARTBEATS_MISSED * max(
+            1, round(installation.cycle.heartbeat_ms * 1e-3 * installation.cycle.rate_hz)
+        )
+        self._since_heartbeat = [0] * len(self._names)
+        self._late_in_a_row = 0
+        self._missing: set[int] = set()
+        self._was_faulted: set[int] = set()
+
+    def look(
+        self, reception: Reception, feedback: ArmFeedback, bus_faults: Sequence[str], *, punctual: bool
+    ) -> Findings:
+        """Judge one cycle. ``punctual``: it began on time, and no cycle was skipped before it."""
+        found = Findings()
+        for sentence in bus_faults:
+            found.events.append(sentence)
+            found.causes.append(sentence)
+            found.recommission = True
+        for i in range(len(self._since_heartbeat)):
+            self._since_heartbeat[i] += 1
+        if reception.other:
+            self._other(reception, found)
+        for bus, can_id, length in reception.malformed:
+            found.events.append(f"{self._bus_names[bus]}: a PDO 0x{can_id:03X} of {length} bytes is not as mapped, ignored")
+        self._feedback(feedback, found)
+        self._late_in_a_row = 0 if punctual else self._late_in_a_row + 1
+        if self._late_in_a_row >= self._limit:
+            found.causes.append(f"{self._late_in_a_row} deadlines were missed in a row; the machine is too busy")
+            self._late_in_a_row = 0
+        return found
+
+    def forget(self) -> None:
+        """Start anew, after a commissioning or a reset."""
+        self._since_heartbeat = [0] * len(self._names)
+        self._late_in_a_row = 0
+        self._missing.clear()
+        self._was_faulted.clear()
+
+    def _other(self, reception: Reception, found: Findings) -> None:
+        for bus, can_id, data in reception.other:
+            if can_id & ERROR_FLAG:
+                error = decode_error_frame(Frame(can_id, data))
+                found.events.append(f"{self._bus_names[bus]}: {error.words}")
+                if error.bus_off or error.frames_lost:
+                    found.causes.append(found.events[-1])
+                    found.recommission |= error.bus_off
+                continue
+            joint = self._joint_at.get((bus, can_id & NODES))
+            if joint is None:
+                continue
+            name = self._names[joint]
+            if can_id & ~NODES == EMERGENCY and len(data) == 8:
+                emergency = decode_emergency(can_id, data)
+                found.events.append(f"{name}: {emergency}")
+                if not emergency.reset:
+                    found.causes.append(found.events[-1])
+                    found.recommission |= emergency.code & 0xFF00 in COMMUNICATION_ERRORS
+            elif can_id & ~NODES == HEARTBEAT:
+                self._since_heartbeat[joint] = 0
+                nmt = data[0] & 0x7F if data else -1
+                if nmt == BOOT_UP:
+                    found.causes.append(f"{name}: the drive has restarted and lost its configuration")
+                    found.recommission = True
+                elif nmt != OPERATIONAL:
+                    found.causes.append(f"{name}: the drive has left operation ({NMT_WORDS.get(nmt, nmt)})")
+                    found.recommission = True
+
+    def _feedback(self, feedback: ArmFeedback, found: Findings) -> None:
+        for i, name in enumerate(self._names):
+            age = feedback.age[i]
+            if age and i not in self._missing:
+                self._missing.add(i)
+                found.events.append(f"{name}: feedback is missing")
+            elif not age and i in self._missing:
+                self._missing.discard(i)
+                found.events.append(f"{name}: feedback is back")
+            if age == self._limit:
+                found.causes.append(f"{name}: no feedback for {age} cycles")
+                found.recommission = True
+            if self._since_heartbeat[i] == self._heartbeat_cycles:
+                found.causes.append(f"{name}: no heartbeat of the drive for {HEARTBEATS_MISSED} of its periods")
+                found.recommission = True
+            state = feedback.states[i]
+            if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+                if i not in self._was_faulted:
+                    self._was_faulted.add(i)
+                    found.causes.append(f"{name}: the drive reports {describe_statusword(feedback.statuswords[i])}")
+            elif state is not None:
+                self._was_faulted.discard(i)

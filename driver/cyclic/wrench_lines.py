@@ -1,0 +1,108 @@
+"""The wrench sensors' serial lines in the loop: read each cycle without waiting, in lockstep to the announced byte."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+from config import Installation
+from driver.cyclic.cycle import WrenchSample
+from driver.cyclic.slot import Serial
+from driver.cyclic.status import SensorStatus
+from driver.wrench import SensorLost, WrenchParser, WrenchPort, make_parser
+
+LOCKSTEP_TIMEOUT_S = 5.0
+
+
+class _Line:
+    def __init__(self, port: WrenchPort, parser: WrenchParser) -> None:
+        self.port, self.parser = port, parser
+        self.baseline = 0
+        """Lockstep: bytes that the line had carried before this loop opened it."""
+        self.lost = False
+        self.was_stale = True
+
+
+class WrenchLines:
+    """All sensors of an installation. Opening configures them and starts their streams; raises InputError."""
+
+    def __init__(self, installation: Installation) -> None:
+        self._lines: list[_Line] = []
+        with ExitStack() as opened:
+            for sensor in installation.wrench_sensor:
+                port = opened.enter_context(WrenchPort.open(sensor))
+                port.configure()
+                self._lines.append(_Line(port, make_parser(sensor)))
+            opened.pop_all()
+        self.events: list[str] = []
+        self.now_ns = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._lines)
+
+    def anchor(self, totals: dict[int, int]) -> None:
+        """Lockstep, time standing still: everything announced so far is read away; counting starts here."""
+        for number, line in enumerate(self._lines):
+            while line.port.read():
+                pass
+            line.baseline = totals.get(number, line.port.received) - line.port.received
+
+    def read(self, now_ns: int, totals: dict[int, int] | None = None) -> tuple[list[Serial], WrenchSample | None]:
+        """Bytes since the last cycle, and the newest sample of the first sensor; ``totals`` in lockstep.
+
+        The sample has ``fresh`` False when nothing valid came in this cycle; None before there is any.
+        """
+        self.now_ns = now_ns
+        serial: list[Serial] = []
+        newest: WrenchSample | None = None
+        for number, line in enumerate(self._lines):
+            data = self._bytes(line, None if totals is None else totals.get(number))
+            if data:
+                serial.append((number, data))
+                samples = line.parser.feed(data, now_ns)
+                if samples and number == 0:
+                    good = [s for s in samples if s.fresh]
+                    newest = (good or samples)[-1]
+            stale = line.parser.stale(now_ns)
+            if stale is not line.was_stale:
+                line.was_stale = stale
+                name = line.port.sensor.name
+                self.events.append(f"wrench sensor {name}: " + ("no valid sample for too long" if stale else "valid"))
+        return serial, newest
+
+    def take_events(self) -> list[str]:
+        events, self.events = self.events, []
+        return events
+
+    def status(self) -> tuple[SensorStatus, ...]:
+        found = []
+        for line in self._lines:
+            parser, age = line.parser, line.parser.age_ns(self.now_ns)
+            rejected = parser.rejected_bytes + parser.refused
+            found.append(
+                SensorStatus(
+                    line.port.sensor.name,
+                    parser.samples,
+                    rejected,
+                    None if age is None else age / 1e6,
+                    line.lost or parser.stale(self.now_ns),
+                )
+            )
+        return tuple(found)
+
+    def close(self) -> None:
+        for line in self._lines:
+            line.port.close()
+
+    def _bytes(self, line: _Line, total: int | None) -> bytes:
+        if line.lost:
+            return b""
+        try:
+            if total is None:
+                return line.port.read()
+            return line.port.read_up_to(total - line.baseline, LOCKSTEP_TIMEOUT_S)
+        except SensorLost as lost:
+            line.lost = True
+            self.events.append(str(lost))
+            return b""
+
+
