@@ -84,6 +84,7 @@ def _already_complete(path: Path, stream: BinaryIO, data: Data) -> RecoveryRepor
     """A report when the file reads without fault from end to end, else None."""
     if not is_complete(data):
         return None
+    stream.seek(0)
     try:
         summary = SeekingReader(stream).get_summary()
         if summary is None or summary.statistics is None:

@@ -116,7 +116,7 @@ def _joint_states(
     # The message itself is among them, so that a cycle without any frame is a cycle all the same.
     wanted = {channels[topic].id: bus for bus, topic in enumerate(topics)} | {channels[JOINT_STATES].id: -1}
     for (sequence, log_ns), cycle in groupby(_records(file, wanted), key=itemgetter(0, 1)):
-        codec.begin_cycle()
+        codec.begin_cycle(log_ns)
         for _, _, bus, frame in cycle:
             if bus < 0:
                 continue
@@ -125,7 +125,7 @@ def _joint_states(
                 codec.receive(bus, data, len(data))
             elif data == SYNC:
                 # What came before the cycle's SYNC is late feedback of the cycle before: recorded, never used.
-                codec.begin_cycle()
+                codec.begin_cycle(log_ns)
         measured = codec.feedback()
         yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
 

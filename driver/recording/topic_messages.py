@@ -59,6 +59,7 @@ class McapFile:
             raise InputError(str(path), "is cut off: it has no end", f"run: etude recover {path}")
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
+        self._stream.seek(0)
         self._reader = SeekingReader(self._stream)
         self._chunks = self._read_structure()
 
