@@ -85,7 +85,7 @@ def identify_links(
             "record longer motion",
         )
     chosen, solution = _estimate(layout, sums, options, by_instruments)
-    return _result(layout, sums, options, hold_out, band, chosen, solution)
+    return _result(layout, sums, options, hold_out, band, chosen, solution, _warnings(trajectories))
 
 
 def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
@@ -105,6 +105,16 @@ def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOpt
     speeds = np.max([np.nanmax(np.abs(np.diff(t.q, axis=0)), axis=0) for t in trajectories], axis=0)
     if not np.any(speeds > 0.0):
         raise InputError("recordings", "no joint moves", "record motion that excites the arm")
+
+
+def _warnings(trajectories: Sequence[Trajectory]) -> list[str]:
+    """What is missing in the recordings, or looks saturated."""
+    result: list[str] = []
+    for trajectory in trajectories:
+        lost, gaps = trajectory.missing()
+        if lost or gaps:
+            result.append(f"{trajectory.name}: {lost} incomplete samples and {gaps} gaps are left out")
+    return result
 
 
 def _friction_widths(trajectories: Sequence[Trajectory]) -> Array:
@@ -199,6 +209,7 @@ def _result(
     band: float,
     chosen: list[int],
     solution: Solution,
+    warnings: list[str],
 ) -> LinkIdentification:
     rank = layout.base.rank
     all_terms = [term for terms in layout.terms for term in terms]
@@ -212,7 +223,6 @@ def _result(
     information = plain.of([k for k in chosen if k < rank]).matrix.sum(axis=0)
     eigenvalues = np.linalg.eigvalsh(information)
     status = "identified"
-    warnings: list[str] = []
     if missing:
         status = "too little motion"
         warnings.append(f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, missing)} more")

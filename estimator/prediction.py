@@ -61,7 +61,7 @@ def _history(
     pieces = [
         _piece(body, psi, trajectory, piece, plan, extra)
         for piece in trajectory.segments(CHUNK, 2 * plan.edge)
-        if piece.stop - piece.start > 2 * plan.edge + 1
+        if len(piece) > 2 * plan.edge + 1
     ]
     if not pieces:
         raise InputError(
@@ -75,7 +75,7 @@ def _piece(
     body: RigidBody,
     psi: Array,
     trajectory: Trajectory,
-    piece: slice,
+    piece: NDArray[np.intp],
     plan: FilterPlan,
     extra: Callable[[Array, Array], Array],
 ) -> tuple[Array, Array, Array]:

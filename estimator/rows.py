@@ -71,29 +71,29 @@ def trajectory_rows(layout: Layout, trajectory: Trajectory, band: float, sums: S
     """Rows of one recording, segment by segment; counts samples and high-frequency torque in ``sums``."""
     plan = plan_filter(trajectory.rate, band)
     rows_of = _RowMaker(layout, plan)
-    for piece in trajectory.segments(CHUNK, 2 * plan.edge):
-        if piece.stop - piece.start < 2 * plan.edge + 4 * plan.stride * plan.decimation:
+    for piece in trajectory.segments(CHUNK, 2 * plan.edge, layout.instruments):
+        if len(piece) < 2 * plan.edge + 4 * plan.stride * plan.decimation:
             continue
-        channels = _on_grid(trajectory, piece, plan.rate)
+        channels = _on_grid(trajectory, piece, plan.rate, layout.instruments)
         tau = channels["tau"]
         motion = smooth_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"))
         inner = tau[plan.edge : len(tau) - plan.edge]
         desired = smooth_motion(plan, channels["q_desired"], None, None) if layout.instruments else None
-        sums.samples += piece.stop - piece.start
+        sums.samples += len(piece)
         sums.duration += len(inner) / plan.rate
         if sums.high_frequency is not None:
             sums.high_frequency += _above_band(tau, inner, plan)
         yield rows_of(motion, inner, desired)
 
 
-def _on_grid(trajectory: Trajectory, piece: slice, rate: float) -> dict[str, Array]:
+def _on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, commanded: bool) -> dict[str, Array]:
     t = trajectory.t[piece]
     named = {
         "q": trajectory.q,
         "tau": trajectory.tau,
         "dq": trajectory.dq,
         "ddq": trajectory.ddq,
-        "q_desired": trajectory.q_desired,
+        "q_desired": trajectory.q_desired if commanded else None,
     }
     return {name: resample(t, value[piece], rate) for name, value in named.items() if value is not None}
 

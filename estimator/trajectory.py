@@ -13,8 +13,8 @@ from config import InputError
 
 Array = NDArray[np.float64]
 
-_GAP_PERIODS = 12.0
-"""A pause of more than this many median periods is a gap, not jitter."""
+_JITTER_PERIODS, _JITTER = 3.0, 0.01
+"""A pause of more than three periods that is also longer than 10 ms is a gap; what is shorter is interpolated."""
 _LARGEST_ANGLE = 400.0
 """rad; an arm's joint does not turn 60 times, but an angle in degrees reads like that."""
 
@@ -58,7 +58,7 @@ class Trajectory:
             raise InputError(
                 self.name, f"time does not rise at sample {row}", "sort the samples or split the recording"
             )
-        if np.nanmax(np.abs(self.q)) > _LARGEST_ANGLE:
+        if np.nanmax(np.abs(self.q), initial=0.0) > _LARGEST_ANGLE:
             raise InputError(
                 self.name,
                 f"an angle of {np.nanmax(np.abs(self.q)):.0f} is no joint angle in rad",
@@ -74,19 +74,36 @@ class Trajectory:
         """Typical sampling rate, Hz."""
         return float(1.0 / np.median(np.diff(self.t)))
 
-    def segments(self, longest: int, overlap: int) -> Iterator[slice]:
-        """Runs of samples without gaps and NaN, at most ``longest``; pieces of one run share ``overlap`` samples."""
-        good: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([self.tau, self.q])).all(axis=1))
-        for channel in (self.dq, self.ddq, self.q_desired):
+    def segments(self, longest: int, overlap: int, commanded: bool = False) -> Iterator[NDArray[np.intp]]:
+        """Indices of runs of whole samples without gaps, at most ``longest``; pieces of a run share ``overlap``.
+
+        A sample with a NaN is left out; a few in a row are jitter, more are a gap. ``commanded``: samples must also
+        have `q_desired`.
+        """
+        whole = self._whole(commanded)
+        if len(whole) < 2:
+            return
+        times = self.t[whole]
+        edges = [0, *(np.flatnonzero(np.diff(times) > self._longest_jitter()) + 1).tolist(), len(whole)]
+        for begin, end in pairwise(edges):
+            while end - begin > longest:
+                yield whole[begin : begin + longest]
+                begin += longest - overlap
+            if end - begin >= 2:
+                yield whole[begin:end]
+
+    def missing(self) -> tuple[int, int]:
+        """How many samples lack a channel, and how many gaps part the recording."""
+        whole = self._whole(commanded=False)
+        gaps = int(np.count_nonzero(np.diff(self.t[whole]) > self._longest_jitter()))
+        return self.samples - len(whole), gaps
+
+    def _longest_jitter(self) -> float:
+        return max(_JITTER_PERIODS / self.rate, _JITTER)
+
+    def _whole(self, commanded: bool) -> NDArray[np.intp]:
+        good: NDArray[np.bool_] = np.ones(self.samples, dtype=np.bool_)
+        for channel in (self.q, self.tau, self.dq, self.ddq, self.q_desired if commanded else None):
             if channel is not None:
                 good &= np.asarray(np.isfinite(channel).all(axis=1))
-        steps = np.diff(self.t)
-        broken = np.logical_or(steps > _GAP_PERIODS * np.median(steps), ~(good[1:] & good[:-1]))
-        edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(self.t)]
-        for begin, end in pairwise(edges):
-            if end - begin < 2 or not good[begin]:
-                continue
-            while end - begin > longest:
-                yield slice(begin, begin + longest)
-                begin += longest - overlap
-            yield slice(begin, end)
+        return np.flatnonzero(good)
