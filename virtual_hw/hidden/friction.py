@@ -19,6 +19,9 @@ from config.schema import Name, Positive, Section
 from virtual_hw.hidden.quantities import NotNegative
 
 
+BRISTLE_RELAXATION_S = 2e-3
+
+
 class RoughPlace(Section):
     """The level grows by ``increase`` (1 = doubled) about ``centre_rad``, as a bell of width ``width_rad``."""
 
@@ -51,8 +54,8 @@ class Friction(Section):
     """Drag of the air or the churned grease, d·|dq|·dq."""
     presliding_rad: Positive = 2e-4
     """Deflection of the bristles at the Coulomb level: σ0 = level / presliding."""
-    bristle_damping_nms_rad: NotNegative = 0.0
-    """σ1."""
+    bristle_damping_nms_rad: NotNegative | None = None
+    """σ1; σ0 · 2 ms when absent."""
     load_coefficient: NotNegative = 0.0
     """μ, N·m of friction for a N·m transmitted."""
     level_per_kelvin: float = 0.0
@@ -73,8 +76,8 @@ class Friction(Section):
 class BristleFriction:
     """The law at run time, discretised backward in time so that stiff bristles never limit the step.
 
-    For a step h from speed dq to the unknown dq⁺: z⁺ = α·(z + h·dq⁺), α = 1/(1 + h·σ0·|dq|/g), hence
-    F = explicit + implicit·dq⁺, which the integrator solves together with the inertia.
+    For a step h to the unknown speed dq⁺: z⁺ = α·(z + h·dq⁺), α = 1/(1 + h·σ0·|dq°|/g), dq° a forecast of dq⁺,
+    hence F = explicit + implicit·dq⁺, which the integrator solves together with the inertia.
     """
 
     __slots__ = (
@@ -115,7 +118,11 @@ class BristleFriction:
         # Load-dependent friction alone still needs bristles: stiff ones for a level of 1 N·m.
         bristles = law.level_nm if law.level_nm > 0 or law.load_coefficient == 0 else 1.0
         self._stiffness = bristles / law.presliding_rad
-        self._bristle_damping = law.bristle_damping_nms_rad
+        self._bristle_damping = (
+            BRISTLE_RELAXATION_S * self._stiffness
+            if law.bristle_damping_nms_rad is None
+            else law.bristle_damping_nms_rad
+        )
         self._load = law.load_coefficient
         self._level_per_kelvin = law.level_per_kelvin
         self._viscous_per_kelvin = law.viscous_per_kelvin
@@ -142,13 +149,16 @@ class BristleFriction:
                 factor *= 1.0 + increase * math.exp(-0.5 * u * u)
         return factor if factor > 0.0 else 0.0
 
-    def linearise(self, q: float, dq: float, transmitted: float, kelvin: float, t: float, h: float) -> None:
-        """Set ``explicit`` and ``implicit`` for the step of ``h`` seconds that begins with speed ``dq``."""
-        speed = dq if dq > 0.0 else -dq
-        if dq > 0.0:
-            level, viscous = self._plus, self._viscous_plus
+    def linearise(
+        self, q: float, dq: float, forecast: float, transmitted: float, kelvin: float, t: float, h: float
+    ) -> None:
+        """Set ``explicit`` and ``implicit`` for the step of ``h`` seconds that begins with speed ``dq`` and is expected
+        to end with ``forecast``.
+        """
+        if forecast > 0.0:
+            speed, level, viscous = forecast, self._plus, self._viscous_plus
         else:
-            level, viscous = self._minus, self._viscous_minus
+            speed, level, viscous = -forecast, self._minus, self._viscous_minus
         if self._stribeck:
             level *= 1.0 + self._stribeck * math.exp(-((speed / self._stribeck_velocity) ** self._exponent))
         if self._modulated:

@@ -88,28 +88,28 @@ class DriveTrain:
             on_link -= law.torque(q_mid, dq_mid, h)
         if spring is None:
             self.angle, self.speed = q, dq
-            self.implicit = self._rub(q_mid, dq, t, h)
+            self.implicit = self._rub(q_mid, dq, 2.0 * dq_mid - dq, t, h)
             self.force = self.force + on_link
             return
         half = 0.5 * h
         angle = self.angle + half * self.speed
         through = spring.torque(angle - q_mid, self.speed + half * self._acceleration - dq_mid)
-        implicit = self._rub(angle, self.speed, t, h)
+        implicit = self._rub(angle, self.speed, self.speed + h * self._acceleration, t, h)
         self._acceleration = (self.force - through - implicit * self.speed) / (self._rotor + h * implicit)
         self._transmitted = through
         self.force, self.implicit = on_link + through, 0.0
 
-    def _rub(self, angle: float, speed: float, t: float, h: float) -> float:
+    def _rub(self, angle: float, speed: float, forecast: float, t: float, h: float) -> float:
         """Motor-side torque into ``force``; returns its implicit coefficient."""
         force, implicit = self._drive_torque, 0.0
         if self._cogging:
             force -= self._cogging.at(angle)
         if self._friction is not None:
-            self._friction.linearise(angle, speed, self._transmitted, self.motor.kelvin, t, h)
+            self._friction.linearise(angle, speed, forecast, self._transmitted, self.motor.kelvin, t, h)
             force -= self._friction.explicit
             implicit += self._friction.implicit
         if self._braked:
-            self._brake.linearise(angle, speed, 0.0, 0.0, t, h)
+            self._brake.linearise(angle, speed, forecast, 0.0, 0.0, t, h)
             force -= self._brake.explicit
             implicit += self._brake.implicit
         self.force = force

@@ -35,7 +35,7 @@ class SharedShaft:
     def load(self, dq: list[float], applied: list[float], h: float) -> None:
         a, b, ratio, friction = self._a, self._b, self._ratio, self._friction
         w = dq[a] + ratio * dq[b]
-        friction.linearise(0.0, w, 0.0, 0.0, 0.0, h)
+        friction.linearise(0.0, w, w, 0.0, 0.0, 0.0, h)
         spent = friction.explicit + friction.implicit * w
         applied[a] -= spent
         applied[b] -= ratio * spent
