@@ -28,6 +28,8 @@ class Lockstep:
     def handle(self, connection: Connection) -> None:
         """Act on what a connection has sent; the caller has not read it yet."""
         alive = connection.receive()
+        if connection.bus is not self._ports[0].bus:
+            _forget_past(connection, self._rig.now_ns)
         if any(map(is_mark, connection.inbox)):
             if connection.bus is self._ports[0].bus:
                 self._run(connection)
@@ -70,6 +72,8 @@ class Lockstep:
                 self._drop(connection)
                 return
             self._advance(t_ns, others)
+        for other in others:
+            _forget_past(other, self._rig.now_ns)
 
     def _advance(self, t_ns: int, others: Sequence[Connection]) -> None:
         rig = self._rig
@@ -114,6 +118,13 @@ def _release(connection: Connection, now_ns: int) -> int:
         else:
             connection.transmit(inbox.popleft())
     return 1 << 64
+
+
+def _forget_past(connection: Connection, now_ns: int) -> None:
+    """Drop leading marks of a time that has come: what follows them has no date to wait for."""
+    inbox = connection.inbox
+    while inbox and is_mark(inbox[0]) and int.from_bytes(inbox[0][8:], "little") <= now_ns:
+        inbox.popleft()
 
 
 def _is_configuration(can_id: int) -> bool:

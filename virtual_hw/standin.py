@@ -5,22 +5,20 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
-import select
 import signal
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from config import InputError, Installation
 from config.paths import run_directory
-from virtual_hw.bus.local import Connection, LocalPort
+from virtual_hw.bus.local import LocalPort
 from virtual_hw.bus.socketcan import SocketCanPort
-from virtual_hw.drive.power_stage import SerialSensor
+from virtual_hw.event_loop import serve
 from virtual_hw.hidden import load_hidden
-from virtual_hw.lockstep import START_NS, Lockstep
+from virtual_hw.lockstep import START_NS
 from virtual_hw.plant import build_plant
 from virtual_hw.rig import Rig
-from virtual_hw.wall_clock import WallClock
 from virtual_hw.wrench import build_sensors
 
 _PR_SET_TIMERSLACK = 29
@@ -69,53 +67,7 @@ def run_standin(
             cleanup.callback(ports[-1].close)
         _quieten()
         ready()
-        _serve(rig, ports, sensors, wake, lockstep=lockstep)
-
-
-def _serve(
-    rig: Rig,
-    ports: Sequence[LocalPort | SocketCanPort],
-    sensors: Sequence[SerialSensor],
-    wake: socket.socket,
-    *,
-    lockstep: bool,
-) -> None:
-    epoll = select.epoll()
-    sources: dict[int, LocalPort | SocketCanPort | Connection | SerialSensor] = {}
-    sources.update({port.fileno(): port for port in ports})
-    sources.update({sensor.fileno(): sensor for sensor in sensors})
-    for descriptor in sources:
-        epoll.register(descriptor, select.EPOLLIN)
-    epoll.register(wake.fileno(), select.EPOLLIN)
-    clock: Lockstep | WallClock
-    if lockstep:
-        clock = Lockstep(rig, [port for port in ports if isinstance(port, LocalPort)])
-    else:
-        clock = WallClock(rig, ports)
-    with epoll:
-        while True:
-            if isinstance(clock, WallClock):
-                clock.advance()
-                # epoll's own time-out counts milliseconds; select's on the epoll descriptor counts microseconds.
-                select.select([epoll], [], [], clock.seconds_to_next_event())
-                events = epoll.poll(0)
-            else:
-                events = epoll.poll()
-            for descriptor, _ in events:
-                if descriptor == wake.fileno():
-                    return
-                source = sources[descriptor]
-                if isinstance(source, LocalPort):
-                    connection = source.accept(clock.hello_ns())
-                    if connection is not None:
-                        sources[connection.sock.fileno()] = connection
-                        epoll.register(connection.sock.fileno(), select.EPOLLIN)
-                elif isinstance(source, Connection):
-                    clock.handle(source)
-                elif isinstance(source, SocketCanPort):
-                    source.receive()
-                else:
-                    rig.power_stage.serve_sensors()
+        serve(rig, ports, sensors, wake, lockstep=lockstep)
 
 
 @contextlib.contextmanager

@@ -182,6 +182,7 @@ def make_bench() -> Callable[..., Bench]:
         joint = first.model_copy(update={"encoder": first.encoder.model_copy(update=encoder)})
         return Bench(installation.model_copy(update={"joint": (joint, *installation.joint[1:])}))
 
+    make.installation = installation  # type: ignore[attr-defined]
     return make
 
 

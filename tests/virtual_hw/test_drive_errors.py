@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from typing import Any
 
@@ -41,7 +42,7 @@ def test_producer_heartbeat_tells_the_state_in_time(bench: Any) -> None:
     bench.run(20)
     beats = [(t, data) for t, can_id, data in bench.heard if can_id == 0x701]
     assert [data for _, data in beats] == [b"\x7f"] * 5 + [b"\x05"] * 2
-    gaps = [later - earlier for (earlier, _), (later, _) in zip(beats[:-1], beats[1:], strict=True)]
+    gaps = [later - earlier for (earlier, _), (later, _) in itertools.pairwise(beats)]
     assert all(abs(gap - 10_000_000) < 10_000 for gap in gaps)
 
 

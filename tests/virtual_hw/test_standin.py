@@ -1,0 +1,189 @@
+"""The stand-in as a process of its own: determinism, canopen on it, its end."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import canopen
+import pytest
+
+from driver.bus.python_can import python_can_bus
+from virtual_hw.bus.frames import CAN_FRAME, MARK, MARK_ID, frame
+
+START_NS = 1_700_000_000_000_000_000
+TICK, MARK_KIND, SERIAL, HELLO = 1, 2, 3, 4
+HERE = Path(__file__).parent
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts a stand-in of the direct drive arm in ``tmp_path`` and ends it afterwards."""
+    running: list[subprocess.Popen[str]] = []
+
+    def begin(mode: str = "lockstep", seed: int = 0, directory: Path = tmp_path, wait: str = "ready") -> object:
+        process = subprocess.Popen(
+            [sys.executable, str(HERE / "standin_process.py"), "dda", str(directory), mode, str(seed)],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
+        )
+        running.append(process)
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        assert wait in said
+        return process
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+class Host:
+    """One connection, frames and marks by hand."""
+
+    def __init__(self, path: Path) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.socket.settimeout(10)
+        self.socket.connect(str(path))
+        (self.hello,) = self.receive()
+
+    def __enter__(self) -> Host:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.socket.close()
+
+    def send(self, *raw: bytes) -> None:
+        self.socket.send(b"".join(raw))
+
+    def receive(self) -> list[bytes]:
+        packet = self.socket.recv(1 << 16)
+        return [packet[k : k + 16] for k in range(0, len(packet), 16)]
+
+    def until_mark(self, t_ns: int) -> list[bytes]:
+        heard: list[bytes] = []
+        while not heard or heard[-1] != MARK.pack(MARK_ID, MARK_KIND, t_ns):
+            heard += self.receive()
+        return heard
+
+    def sdo_read(self, node: int, index: int) -> int:
+        self.send(frame(0x600 + node, struct.pack("<BHB4x", 0x40, index, 0)))
+        while True:
+            for raw in self.receive():
+                can_id, _, data = CAN_FRAME.unpack(raw)
+                if can_id == 0x580 + node:
+                    return int.from_bytes(data[4:], "little")
+
+
+def tick(t_ns: int) -> bytes:
+    return MARK.pack(MARK_ID, TICK, t_ns)
+
+
+def motion_bytes(directory: Path, cycles: int = 60) -> bytes:
+    """Everything all buses tell a host that enables torque mode and pushes."""
+    heard = hashlib.sha256()
+    hosts = [Host(directory / f"dda-can{k}") for k in range(3)]
+    for node, host in enumerate(hosts, 1):
+        for index, subindex, value in (
+            (0x6060, 0, b"\x0a"),
+            (0x1400, 2, b"\x01"),
+            (0x1800, 2, b"\x01"),
+            (0x1802, 2, b"\x01"),
+            (0x1803, 2, b"\x01"),
+        ):
+            size = 0x2F
+            host.send(frame(0x600 + node, struct.pack("<BHB4s", size, index, subindex, value)))
+            assert host.receive()[0][8] == 0x60
+        host.send(frame(0x000, bytes((0x01, node))))
+    t_ns = START_NS
+    for k in range(cycles):
+        t_ns += 1_000_000
+        word = (0x06, 0x07, 0x0F)[min(k // 2, 2)]
+        for node, host in reversed(list(enumerate(hosts, 1))):
+            torque = frame(0x600 + node, struct.pack("<BHBh2x", 0x2B, 0x6071, 0, 10 * node))
+            command = frame(0x200 + node, struct.pack("<H", word))
+            host.send(command, torque, tick(t_ns), frame(0x080), tick(t_ns + 600_000))
+        for host in hosts:
+            heard.update(b"".join(host.until_mark(t_ns + 600_000)))
+    final = [host.sdo_read(node, 0x6041) & 0x6F for node, host in enumerate(hosts, 1)]
+    assert final == [0x27] * 3
+    for host in hosts:
+        host.socket.close()
+    return heard.digest()
+
+
+def test_equal_seeds_give_equal_bytes_and_others_do_not(start: Start, tmp_path: Path) -> None:
+    digests = []
+    for run, seed in enumerate((7, 7, 8)):
+        directory = tmp_path / str(run)
+        directory.mkdir()
+        start(seed=seed, directory=directory)
+        digests.append(motion_bytes(directory))
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_canopen_works_on_it_in_wall_clock_time(start: Start, tmp_path: Path) -> None:
+    start("wall")
+    bus = python_can_bus(f"local:{tmp_path / 'dda-can0'}")
+    network = canopen.Network(bus)
+    network.connect()
+    try:
+        node = network.add_node(1, str(HERE.parents[1] / "config/drives/etude402.eds"))
+        assert node.sdo["Manufacturer device name"].raw == "Etude 402"
+        node.sdo[0x1017].raw = 10
+        node.nmt.state = "OPERATIONAL"
+        node.nmt.wait_for_heartbeat(5)
+        assert node.nmt.state == "OPERATIONAL"
+        with pytest.raises(canopen.SdoAbortedError) as refused:
+            node.sdo[0x605A].raw = 9
+        assert refused.value.code == 0x06090031
+        node.sdo[0x6060].raw = 10
+        node.sdo[0x6040].raw = 0x06
+        deadline = time.monotonic() + 5
+        while node.sdo[0x6041].raw & 0x6F != 0x21:
+            assert time.monotonic() < deadline
+    finally:
+        network.disconnect()
+
+
+def test_sigterm_ends_it_and_leaves_nothing(start: Start, tmp_path: Path) -> None:
+    for mode in ("lockstep", "wall"):
+        process = start(mode)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_second_stand_in_is_refused_in_one_sentence(start: Start, tmp_path: Path) -> None:
+    start()
+    second = start(wait="another stand-in arm runs on this bus")
+    assert second.wait(10) == 2
+    with Host(tmp_path / "dda-can0") as host:
+        assert host.sdo_read(1, 0x1000) == 0x00020192
+
+
+def test_the_socket_of_a_killed_stand_in_is_no_obstacle(start: Start, tmp_path: Path) -> None:
+    process = start()
+    process.kill()
+    process.wait()
+    assert (tmp_path / "dda-can0").exists()
+    start()
+
+
+def test_a_file_in_the_way_is_not_removed(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "dda-can0").write_text("mine")
+    assert start(wait="taken by a file that is no socket").wait(10) == 2
+    assert (tmp_path / "dda-can0").read_text() == "mine"
