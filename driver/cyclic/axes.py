@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from driver.cia402.drive import Axis
 from driver.cia402.states import Control, State, describe_statusword
+from driver.cyclic.axis import Axis
 from driver.cyclic.damping import REST_SPEED_RAD_S
 from driver.cyclic.feedback import ArmFeedback
 

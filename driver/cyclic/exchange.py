@@ -164,7 +164,7 @@ class WallClockExchange(Exchange):
             if bus not in self.dead:
                 # What is in the socket from before is of the last cycle: recorded, but never this one's feedback.
                 self._drain(bus, stamp)
-        self.codec.begin_cycle()
+        self.codec.begin_cycle(stamp)
         for bus in range(len(self.channels)):
             if bus not in self.dead:
                 self._send(bus, SYNC)
@@ -210,7 +210,7 @@ class LockstepExchange(Exchange):
         # Cycles stand on multiples of the period, wherever another host has left the time.
         start = self._now_ns - self._now_ns % self.period_ns + self.period_ns
         self._now_ns = start
-        self.codec.begin_cycle()
+        self.codec.begin_cycle(start)
         ticks = pack_mark(MarkKind.TICK, start) + SYNC + pack_mark(MarkKind.TICK, start + self.window_ns)
         # The first bus last: its ticks move time, and everything of the other buses must be there by then.
         for bus in range(len(self.channels) - 1, -1, -1):

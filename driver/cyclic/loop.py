@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from config import InputError, Installation
 from config.schema import Mode
 from driver.cia402.commission import commission
-from driver.cia402.pdo import CommandNotRepresentable, heartbeat
-from driver.cyclic.cycle import LoopState
-from driver.cyclic.exchange import Exchange, LockstepExchange, open_exchange
+from driver.cia402.pdo import CommandNotRepresentable, PdoCodec, heartbeat
+from driver.cyclic.cycle import LoopState, WrenchSample
+from driver.cyclic.exchange import Begun, Exchange, LockstepExchange, open_exchange
 from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.gate import Gate
 from driver.cyclic.last_frames import LastFrames
 from driver.cyclic.lateness import Lateness
 from driver.cyclic.machine import Answer, ArmMachine, Command
 from driver.cyclic.ring import RingWriter
+from driver.cyclic.slot import Serial
 from driver.cyclic.status import BusStatus, LoopStatus, RealtimeReport
 from driver.cyclic.supervision import Supervision
 from driver.cyclic.wrench_lines import WrenchLines
 from driver.gravity import RigidBody
 from driver.plan import Plan
 
+SETTLE_CYCLES = 50
+"""Cycles after commissioning within which every drive must be heard of."""
 GOOD_START = 0.25
 """A cycle that begins within this share of its period is on time."""
 
@@ -70,6 +73,7 @@ class CyclicLoop:
             if isinstance(self._exchange, LockstepExchange) and self._lines:
                 self._exchange.look()
                 self._lines.anchor(self._exchange.serial_bytes)
+            self._settle()
         except BaseException:
             self.close()
             raise
@@ -79,7 +83,9 @@ class CyclicLoop:
     def enable(self, mode: Mode, answer: Answer, progress: Callable[[str], None]) -> None:
         """Enable in ``mode``, after setting the drives up for it when they are not; raises InputError."""
         if mode not in self.installation.modes:
-            raise InputError("mode", f"{mode} is not allowed", f"this installation has {', '.join(self.installation.modes)}")
+            raise InputError(
+                "mode", f"{mode} is not allowed", f"this installation has {', '.join(self.installation.modes)}"
+            )
         if mode != self.machine.mode and self.machine.state is LoopState.IDLE:
             self._commission(mode, progress)
             self._settle()
@@ -88,16 +94,18 @@ class CyclicLoop:
     def play(self, plan: Plan) -> int:
         """Begin to play; returns the run's number. Raises InputError, with nothing moved, when the plan is refused."""
         plan.check(self.installation)
-        self.machine.play(plan, self.body if plan.urdf is None else RigidBody(self.installation, plan.urdf), self._runs + 1)
+        self.machine.play(
+            plan, self.body if plan.urdf is None else RigidBody(self.installation, plan.urdf), self._runs + 1
+        )
         self._runs += 1
         return self._runs
 
     def reset(self, answer: Answer, progress: Callable[[str], None]) -> None:
         """Acknowledge the latched fault; sets the drives up anew first when one may have lost its configuration."""
         if self._needs_commissioning and self.machine.state is LoopState.LATCHED:
-            cause = self.machine.cause
-            self._commission(self.machine.mode, progress)
-            self.machine.state, self.machine.cause = LoopState.LATCHED, cause
+            before = self.machine
+            self._commission(before.mode, progress)
+            self.machine.latch_as(before)
             self._settle()
         self._supervision.forget()
         self.machine.clear(answer)
@@ -123,7 +131,8 @@ class CyclicLoop:
         exchange.collect()
         feedback.take(codec.feedback(), begun.time_ns)
         now_ns = exchange.now_ns
-        serial, wrench = [], None
+        serial: list[Serial] = []
+        wrench: WrenchSample | None = None
         if self._lines:
             totals = exchange.serial_bytes if isinstance(exchange, LockstepExchange) else None
             serial, wrench = self._lines.read(now_ns, totals)
@@ -213,10 +222,70 @@ class CyclicLoop:
         self._needs_commissioning = False
         codec = PdoCodec(self.installation, mode)
         self._exchange = open_exchange(self.installation, codec, lockstep=self.lockstep)
+        self._bits_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
         self._beat = heartbeat(self._master_id)
         self._supervision.forget()
         self._feedback = ArmFeedback(len(self._names))
-        self.machine = ArmMachine(self.installation, mode, self.body, self._events.append)
+        self.machine = ArmMachine(self.installation, mode, self.body, self._announce)
+
+    def _announce(self, sentence: str) -> None:
+        self._events.append(sentence)
+
+    def _settle(self) -> None:
+        """Run until every drive has been heard of, or has been silent for too long."""
+        for _ in range(SETTLE_CYCLES):
+            self.cycle()
+            if self._feedback.complete:
+                return
+
+    def status(self) -> LoopStatus:
+        """The loop now, as plain data."""
+        fb, machine, exchange = self._feedback, self.machine, self._live()
+        run = machine.run
+        cpu_ns, cycles = time.process_time_ns(), self._index
+        cpu_us = (cpu_ns - self._cpu[0]) / 1e3 / max(1, cycles - self._cpu[1])
+        self._cpu = cpu_ns, cycles
+        return LoopStatus(
+            state=machine.state,
+            mode=machine.mode,
+            cause=machine.cause,
+            time_ns=self._time_ns,
+            q=tuple(fb.q),
+            dq=tuple(fb.dq),
+            tau=tuple(fb.tau),
+            valid=tuple(fb.valid),
+            drive_states=machine.axes.in_words(fb),
+            run=machine.playing_run,
+            last_run=self._runs,
+            progress=0.0 if run is None else run.follow.progress,
+            run_outcome=None if run is None else run.outcome,
+            cycles=self._index,
+            good_cycles=self._good,
+            missed=self._missed,
+            lateness_us=tuple(self._lateness.counts),
+            lateness_max_us=self._lateness.worst_ns / 1e3,
+            cpu_us=cpu_us,
+            lockstep=self.lockstep,
+            realtime=self.realtime,
+            buses=self._bus_status(exchange),
+            sensors=() if self._lines is None else self._lines.status(),
+            last_frames=self._frames.frozen,
+        )
+
+    def _bus_status(self, exchange: Exchange) -> tuple[BusStatus, ...]:
+        now = exchange.now_ns
+        elapsed_s = max(1, now - self._bits_at[0]) / 1e9
+        found = []
+        for k, (bus, count) in enumerate(zip(self.installation.bus, exchange.counts, strict=True)):
+            load = (count.bits - self._bits_at[1][k]) / bus.bitrate / elapsed_s
+            found.append(BusStatus(bus.name, count.sent, count.received, load, count.errors))
+        self._bits_at = now, [count.bits for count in exchange.counts]
+        return tuple(found)
+
+    def _live(self) -> Exchange:
+        if self._exchange is None:
+            raise InputError("arm", "the drives are not commissioned", "reset it")
+        return self._exchange
 
     def close(self) -> None:
         """Leave buses and lines. The drives notice by their own means; bring them to rest first."""

@@ -57,7 +57,9 @@ class Run:
 class ArmMachine:
     """States of `LoopState` for one commissioned mode. Call `step` once a cycle, then `sent` with what was sent."""
 
-    def __init__(self, installation: Installation, mode: Mode, body: RigidBody, announce: Callable[[str], None]) -> None:
+    def __init__(
+        self, installation: Installation, mode: Mode, body: RigidBody, announce: Callable[[str], None]
+    ) -> None:
         self.installation, self.mode, self.body = installation, mode, body
         self.state = LoopState.IDLE
         self.cause: str | None = None
@@ -98,11 +100,13 @@ class ArmMachine:
         self._begin(LoopState.STOPPING, self._switch_off, DISABLE_S, answer)
 
     def play(self, plan: Plan, body: RigidBody, number: int) -> None:
-        """Begin to play a checked plan. Raises InputError when it does not begin and end at rest where the arm holds."""
+        """Begin to play a checked plan; raises InputError unless it begins where the arm holds and is at rest at both ends."""
         self._require(LoopState.HOLDING, "play", "enable it first")
         place = f"plan {plan.name}"
         if plan.mode != self.mode:
-            raise InputError(place, f"is for {plan.mode}, the drives are enabled in {self.mode}", "enable that mode first")
+            raise InputError(
+                place, f"is for {plan.mode}, the drives are enabled in {self.mode}", "enable that mode first"
+            )
         q, dq, _, tau_ff = plan.arrays
         for i, joint in enumerate(self.installation.joint):
             off = abs(float(q[0, i]) - self._q_d[i])
@@ -114,7 +118,9 @@ class ArmMachine:
                 )
             speed = max(abs(float(dq[0, i])), abs(float(dq[-1, i])))
             if speed > START_SPEED_SHARE * joint.limits.velocity_rad_s:
-                raise InputError(place, f"{joint.name} has {speed:.3g} rad/s at its start or end", "begin and end at rest")
+                raise InputError(
+                    place, f"{joint.name} has {speed:.3g} rad/s at its start or end", "begin and end at rest"
+                )
         first = self._zeros if plan.controller == "pd" and plan.mode == "cst" else tau_ff[0].tolist()
         if plan.mode == "cst" and plan.controller == "computed_torque":
             first = body.gravity(q[0].tolist())
@@ -140,6 +146,10 @@ class ArmMachine:
         self._require(LoopState.LATCHED, "reset", "stop it first")
         self._fresh = True
         self._begin(LoopState.LATCHED, self._clear, CLEAR_S, answer)
+
+    def latch_as(self, before: ArmMachine) -> None:
+        """Take over the latched fault and the newest run of the machine before a new commissioning."""
+        self.state, self.cause, self.run = LoopState.LATCHED, before.cause, before.run
 
     @property
     def busy(self) -> bool:
@@ -236,7 +246,11 @@ class ArmMachine:
 
     def _slow_down(self) -> Command:
         """CSP: along the path to rest, then hold."""
-        if self._reference is not None and self._reference.done and self._rest.at_rest(self.feedback.dq, self.feedback.valid):
+        if (
+            self._reference is not None
+            and self._reference.done
+            and self._rest.at_rest(self.feedback.dq, self.feedback.valid)
+        ):
             self._hold(self._q_d)
             self._rest_then_off()
         elif self._cycles > self._deadline:
@@ -263,7 +277,7 @@ class ArmMachine:
         return self._controlled(self._stopping_words(State.OPERATION_ENABLED))
 
     def _switch_off(self) -> Command:
-        """Brakes first: the drives go to SWITCHED_ON while the arm is still held, and lose their power when all have."""
+        """Brakes first: the drives go to SWITCHED_ON while the arm is held, and lose their power when all have."""
         if not self.axes.any_torque(self.feedback):
             self._off()
             return self._following(self.axes.words(self.feedback, State.SWITCH_ON_DISABLED))
@@ -291,7 +305,9 @@ class ArmMachine:
         if self.axes.cause is not None or self._cycles > self._deadline:
             self._phase = self._idle
             reason = self.axes.cause or "feedback is missing"
-            self._answered(InputError("arm", f"the reset did not succeed: {reason}", "remove the cause and reset again"))
+            self._answered(
+                InputError("arm", f"the reset did not succeed: {reason}", "remove the cause and reset again")
+            )
             return self._idle()
         return self._following(words)
 

@@ -64,7 +64,9 @@ class Supervision:
         if reception.other:
             self._other(reception, found)
         for bus, can_id, length in reception.malformed:
-            found.events.append(f"{self._bus_names[bus]}: a PDO 0x{can_id:03X} of {length} bytes is not as mapped, ignored")
+            found.events.append(
+                f"{self._bus_names[bus]}: a PDO 0x{can_id:03X} of {length} bytes is not as mapped, ignored"
+            )
         self._feedback(feedback, found)
         self._late_in_a_row = 0 if punctual else self._late_in_a_row + 1
         if self._late_in_a_row >= self._limit:
@@ -111,7 +113,7 @@ class Supervision:
     def _feedback(self, feedback: ArmFeedback, found: Findings) -> None:
         for i, name in enumerate(self._names):
             age = feedback.age[i]
-            if age and i not in self._missing:
+            if age and feedback.seen[i] and i not in self._missing:
                 self._missing.add(i)
                 found.events.append(f"{name}: feedback is missing")
             elif not age and i in self._missing:

@@ -104,5 +104,3 @@ class WrenchLines:
             line.lost = True
             self.events.append(str(lost))
             return b""
-
-
