@@ -9,8 +9,8 @@ from config.schema import Drive, Joint, Mode
 
 MODE_CODES: dict[Mode, int] = {"csp": 8, "cst": 10}
 """Object 6060 by mode: cyclic synchronous position, cyclic synchronous torque."""
-FEEDBACK = ("statusword", "position", "velocity", "torque")
-"""What the TPDOs of every drive must carry, by object name."""
+FEEDBACK = ("statusword", "position", "torque")
+"""What the TPDOs of every drive carry, by object name; ``velocity`` may be among them."""
 COMMANDS = {
     "controlword": "controlword",
     "mode": "mode",
@@ -20,7 +20,6 @@ COMMANDS = {
     "torque_offset": "tau",
 }
 """The quantity of the loop that each RPDO object carries, by object name."""
-_NEEDED = {"csp": ("controlword", "target_position"), "cst": ("controlword", "target_torque")}
 _RPDO_IDS = (0x200, 0x300, 0x400, 0x500)
 _TPDO_IDS = (0x180, 0x280, 0x380, 0x480)
 SYNCHRONOUS = 1
@@ -66,7 +65,8 @@ def default_cob_id(receive: bool, number: int, node_id: int) -> int:
 def pdo_maps(joint: Joint, drive: Drive, mode: Mode) -> tuple[PdoMap, ...]:
     """The PDOs that a joint's drive uses in a mode: RPDOs first, each at its predefined COB-ID.
 
-    Raises InputError when the layout is missing, lacks what the loop needs, or commands what the loop has not.
+    Raises InputError when the layout is missing or commands what the loop has not; that it carries what each mode
+    needs is checked with the configuration.
     """
     place = f"drive {drive.name}, layouts.{mode}"
     layout = drive.layouts.get(mode)
@@ -81,18 +81,9 @@ def pdo_maps(joint: Joint, drive: Drive, mode: Mode) -> tuple[PdoMap, ...]:
             entries = tuple(o.index << 16 | o.subindex << 8 | o.bits for o in objects)
             maps.append(PdoMap(receive, number, default_cob_id(receive, number, joint.node_id), names, entries))
     commanded = [name for pdo in maps if pdo.receive for name in pdo.names]
-    measured = [name for pdo in maps if not pdo.receive for name in pdo.names]
     for name in commanded:
         if name not in COMMANDS:
             raise InputError(place, f"rpdo object {name!r} is none the loop commands", f"use {', '.join(COMMANDS)}")
-    doubled = sorted({name for name in commanded + measured if (commanded + measured).count(name) > 1})
-    if doubled:
-        raise InputError(place, f"{', '.join(doubled)} is mapped twice", "map every object once")
-    quantities = [COMMANDS[name] for name in commanded]
-    if quantities.count("tau") > 1:
+    if [COMMANDS[name] for name in commanded].count("tau") > 1:
         raise InputError(place, "target_torque and torque_offset are both mapped", "keep the one of this mode")
-    for way, present, needed in (("rpdo", commanded, _NEEDED[mode]), ("tpdo", measured, FEEDBACK)):
-        missing = [name for name in needed if name not in present]
-        if missing:
-            raise InputError(f"{place}.{way}", f"{', '.join(missing)} is not mapped", "add it to a PDO")
     return tuple(maps)

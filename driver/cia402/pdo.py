@@ -56,6 +56,23 @@ class _Tpdo:
     bit: int
 
 
+@dataclass(slots=True)
+class _Slope:
+    """Velocity of one axis from its last two positions."""
+
+    counts: int | None = None
+    time_ns: int = 0
+    value: float | None = None
+
+    def counts_per_s(self, counts: int, time_ns: int) -> float | None:
+        """None for the first position, and where time has not moved on since."""
+        if time_ns != self.time_ns or self.counts is None:
+            elapsed = time_ns - self.time_ns
+            self.value = (counts - self.counts) * 1e9 / elapsed if self.counts is not None and elapsed > 0 else None
+            self.counts, self.time_ns = counts, time_ns
+        return self.value
+
+
 class PdoCodec:
     """Codec of all drives of an installation in one mode.
 
@@ -115,14 +132,17 @@ class PdoCodec:
                 self._tables[bus_names.index(joint.bus)][pdo.cob_id] = entry
                 mask |= bit
                 bit <<= 1
-            status, position, velocity, torque = (self._places[i, name] for name in FEEDBACK)
+            status, position, torque = (self._places[i, name] for name in FEEDBACK)
+            velocity = self._places.get((i, "velocity"), -1)
             self._axes.append((status, position, velocity, torque, *self.scales[i].feedback, mask))
-        self._fresh = 0
+        self._fresh = self._sync_ns = 0
+        self._slopes: dict[int, _Slope] = {i: _Slope() for i, axis in enumerate(self._axes) if axis[2] < 0}
         self.reception = Reception()
 
-    def begin_cycle(self) -> None:
-        """Forget the last cycle's feedback: what does not come again is invalid."""
+    def begin_cycle(self, time_ns: int) -> None:
+        """Forget the last cycle's feedback: what does not come again is invalid. ``time_ns`` is the SYNC's instant."""
         self._fresh = 0
+        self._sync_ns = time_ns
         self.reception = Reception()
 
     @property
@@ -149,17 +169,25 @@ class PdoCodec:
         self._fresh = fresh
 
     def feedback(self) -> Feedback:
-        """What has come since `begin_cycle`, in SI units at the joint; a joint is valid when all its TPDOs came."""
-        raw, fresh = self._raw, self._fresh
+        """What has come since `begin_cycle`, in SI units at the joint; a joint is valid when all its TPDOs came.
+
+        Where a drive's PDOs carry no velocity, ``dq`` is the mean since the last position that came, over the time
+        between their SYNCs; such a joint is not valid before its second position.
+        """
+        raw, fresh, now_ns = self._raw, self._fresh, self._sync_ns
         result = Feedback([], [], [], [], [])
         add_valid, add_status = result.valid.append, result.statusword.append
         add_q, add_dq, add_tau = result.q.append, result.dq.append, result.tau.append
-        for status, position, velocity, torque, k_q, zero, k_dq, k_tau, mask in self._axes:
+        for i, (status, position, velocity, torque, k_q, zero, k_dq, k_tau, mask) in enumerate(self._axes):
             if fresh & mask == mask:
+                speed = raw[velocity] if velocity >= 0 else self._slopes[i].counts_per_s(raw[position], now_ns)
+            else:
+                speed = None
+            if speed is not None:
                 add_valid(True)
                 add_status(raw[status])
                 add_q(raw[position] * k_q + zero)
-                add_dq(raw[velocity] * k_dq)
+                add_dq(speed * k_dq)
                 add_tau(raw[torque] * k_tau)
             else:
                 add_valid(False)

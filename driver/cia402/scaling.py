@@ -39,16 +39,3 @@ class JointScale:
     def command(self) -> tuple[float, float, float, float]:
         """(counts per rad, zero in rad, counts/s per rad/s, ‰ per N·m): raw = round((SI - zero) · factor)."""
         return 1.0 / self.rad_per_count, self.zero_rad, 1.0 / self.rad_per_count, 1.0 / self.nm_per_permille
-
-    def counts(self, q: float) -> float:
-        """Encoder counts, not rounded, at a joint angle in rad."""
-        return (q - self.zero_rad) / self.rad_per_count
-
-    def permille(self, tau: float) -> float:
-        """‰ of rated torque, not rounded, of a joint torque in N·m."""
-        return tau / self.nm_per_permille
-
-    def limit_counts(self, position_rad: tuple[float, float]) -> tuple[float, float]:
-        """Low and high position limit in counts, in this order also where the encoder counts backwards."""
-        low, high = sorted(self.counts(q) for q in position_rad)
-        return low, high

@@ -74,7 +74,7 @@ def _make_cycles(
     for k in range(number):
         now = START_NS + k * installation.cycle.period_ns
         frames, late = late, []
-        codec.begin_cycle()
+        codec.begin_cycle(now)
         frames += [RawFrame(bus, now, True, bytes(SYNC)) for bus in range(len(buses))]
         for joint, maps in zip(installation.joint, codec.maps, strict=True):
             bus = buses.index(joint.bus)
