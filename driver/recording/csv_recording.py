@@ -38,6 +38,8 @@ def read_csv(path: Path) -> Recording:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             header = _header(path, file.readline())
+            if not any(line.strip() for line in file):
+                raise InputError(str(path), "has no samples behind its header", "name another recording")
             table = _table(path, header)
     except UnicodeDecodeError as error:
         raise InputError(str(path), f"is not text ({error.reason})", "name a .csv or .mcap recording") from None
@@ -125,7 +127,7 @@ def _first_fault(path: Path, header: _Header) -> InputError:
                 if not NUMBER.fullmatch(field.strip()):
                     place = f"{path}, line {line}, column {column} ({header.names[column - 1]})"
                     return InputError(place, f"{field.strip()!r} is not a number", "repair or remove the line")
-    return InputError(str(path), "has no samples behind its header", "name another recording")
+    return InputError(str(path), "is not the table its header promises", "compare its lines with the header")
 
 
 def _check_time(path: Path, t: Array) -> None:

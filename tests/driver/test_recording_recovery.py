@@ -1,0 +1,179 @@
+"""Recovery: cut anywhere, damaged anywhere, a recording reads again in stock tools and loses only what was cut."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType
+from mcap_ros2.writer import Writer as StockWriter
+
+from config import InputError, Installation
+from driver.cyclic.cycle import Cycle
+from driver.recording import RunWriter, read_recording, recover
+from driver.recording import ros2_definitions as ros2
+
+CycleMaker = Callable[..., list[Cycle]]
+Key = tuple[str, int, int, bytes]
+
+
+def messages(path: Path) -> list[Key]:
+    """(topic, sequence, log time, bytes) by the mcap library, with all checks on."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        return [
+            (c.topic, m.sequence, m.log_time, bytes(m.data))
+            for _, c, m in reader.iter_messages(log_time_order=False)
+        ]  # fmt: skip
+
+
+def whole_chunks(path: Path) -> list[Key]:
+    """What a streaming reader sees before it stumbles over the cut."""
+    seen, channels = list[Key](), dict[int, str]()
+    try:
+        with path.open("rb") as stream:
+            for record in StreamReader(stream, validate_crcs=True).records:
+                if type(record).__name__ == "Channel":
+                    channels[record.id] = record.topic  # type: ignore[attr-defined]
+                elif type(record).__name__ == "Message":
+                    m = record
+                    seen.append((channels[m.channel_id], m.sequence, m.log_time, bytes(m.data)))  # type: ignore[attr-defined]
+    except (McapError, ValueError, OSError, Exception) as error:
+        assert not isinstance(error, AssertionError)
+    return seen
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, dda: Installation, make_cycles: CycleMaker) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "run.mcap"
+    writer = RunWriter(path, dda, {"mode": "csp"})
+    for cycle in make_cycles(dda, 100):
+        writer.write(cycle)
+    writer.finish()
+    return path
+
+
+def test_a_thousand_truncations_read_again(tmp_path: Path, whole: Path) -> None:
+    data, everything = whole.read_bytes(), messages(whole)
+    cut = tmp_path / "cut.mcap"
+    rng = np.random.default_rng(11)
+    kept_most = 0
+    for number, size in enumerate(sorted(rng.integers(1, len(data), 1000).tolist())):
+        cut.write_bytes(data[:size])
+        before = whole_chunks(cut)
+        try:
+            report = recover(cut)
+        except InputError as error:
+            assert not before
+            assert "whole record" in str(error) or "not an MCAP file" in str(error)
+            assert cut.read_bytes() == data[:size], "what cannot be recovered is left as it is"
+            continue
+        got = messages(cut)
+        assert got == everything[: len(got)]
+        assert len(got) >= len(before)
+        assert report.messages == len(got)
+        assert not report.complete
+        assert number % 20 or recover(cut).complete
+        kept_most = max(kept_most, len(got))
+    assert kept_most == len(everything)
+
+
+def test_a_recovered_recording_keeps_what_it_was_made_with(tmp_path: Path, whole: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:-20_000])
+    with pytest.raises(InputError, match=r"cut\.mcap: is cut off: it has no end; run: etude recover"):
+        read_recording(cut)
+    recover(cut)
+    recording, original = read_recording(cut), read_recording(whole)
+    assert recording.installation == original.installation
+    assert recording.metadata == original.metadata
+    assert np.array_equal(recording.q, original.q[: len(recording.t)])
+
+
+def test_a_complete_recording_is_left_untouched(tmp_path: Path, whole: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole.read_bytes())
+    stamp = path.stat().st_mtime_ns
+    report = recover(path)
+    assert report.complete
+    assert "nothing to recover" in report.sentence
+    assert path.stat().st_mtime_ns == stamp
+
+
+def test_the_original_may_be_kept(tmp_path: Path, whole: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:-3])
+    report = recover(cut, tmp_path / "new.mcap")
+    assert messages(report.path) == messages(whole)
+    assert len(cut.read_bytes()) == len(whole.read_bytes()) - 3
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cut.mcap", "new.mcap"]
+
+
+def test_a_flipped_byte_costs_its_chunk_and_is_said(tmp_path: Path, whole: Path) -> None:
+    data, everything = whole.read_bytes(), messages(whole)
+    rng = np.random.default_rng(5)
+    damaged = tmp_path / "damaged.mcap"
+    for at in rng.integers(8, len(data), 150).tolist():
+        broken = bytearray(data)
+        broken[at] ^= 0xFF
+        damaged.write_bytes(broken)
+        try:
+            report = recover(damaged)
+        except InputError:
+            continue
+        got = set(messages(damaged))
+        assert got <= set(everything) or not report.complete
+        if len(got) < len(everything) and not report.complete:
+            assert report.damaged or report.lost_bytes
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("chunk_size", [600, 100_000])
+def test_files_of_other_writers_recover_too(tmp_path: Path, compression: CompressionType, chunk_size: int) -> None:
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as stream:
+        writer = StockWriter(stream, chunk_size, compression)
+        schema = writer.register_msgdef(ros2.JOINT_STATE, ros2.DEFINITIONS[ros2.JOINT_STATE])
+        for k in range(200):
+            stamp = {"sec": 1, "nanosec": k * 1_000_000}
+            message = {
+                "header": {"stamp": stamp, "frame_id": "base"}, "name": ["a", "b"],
+                "position": [float(k), 2.0], "velocity": [], "effort": [1.0, 2.0],
+            }  # fmt: skip
+            writer.write_message("/joint_states", schema, message, 10**9 + k * 1_000_000)
+        writer.finish()
+    data, everything = path.read_bytes(), messages(path)
+    for share in (0.3, 0.6, 0.95):
+        path.write_bytes(data[: int(len(data) * share)])
+        before = whole_chunks(path)
+        recover(path)
+        got = messages(path)
+        assert got == everything[: len(got)]
+        assert len(got) >= len(before)
+        if compression is CompressionType.NONE and share < 0.9:
+            assert len(got) > 10, "whole messages of the chunk that was cut are kept"
+
+
+def test_a_file_being_written_is_left_alone(tmp_path: Path, whole: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole.read_bytes()[:-100])
+    with path.open("rb") as stream:
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="being written at this moment"):
+            recover(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello world, this is text", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x01\x09"])
+def test_what_holds_nothing_is_said_so(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"not an MCAP file|hold no whole record"):
+        recover(path)
+    with pytest.raises(InputError, match=r"is empty|not an MCAP file|is cut off"):
+        read_recording(path)
