@@ -43,10 +43,13 @@ class Rig:
         """Move time on to ``t_ns``: all bus traffic ended by then, all servo ticks up to and including it."""
         while self._next_tick_ns <= t_ns:
             tick = self._next_tick_ns
-            for bus in self.buses:
-                bus.run_until(tick)
+            self._run_buses(tick)
             self._servo_tick(tick)
             self._next_tick_ns = tick + self._tick_ns
+        if self.now_ns != t_ns:
+            self._run_buses(t_ns)
+
+    def _run_buses(self, t_ns: int) -> None:
         for bus in self.buses:
             bus.run_until(t_ns)
         self.now_ns = t_ns

@@ -11,6 +11,7 @@ from array import array
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 FRAME_SIZE = 16
 EXTENDED = 0x8000_0000
@@ -52,14 +53,14 @@ def arbitration_key(identifier: bytes) -> int:
     return (can_id & 0x7FF) << 21 | remote << 20
 
 
-def _stuff_table(width: int) -> bytes:
+def _stuff_table(width: int) -> NDArray[np.uint8]:
     """Run of the stuffing automaton over every word of ``width`` bits from each of its eight states.
 
     A state is ``bit << 2 | run - 1``, the last bit sent and how often it stands in a row (1 to 4; a fifth one is
     followed by its stuff bit at once). Entry ``state << width | word`` is ``stuff bits << 3 | next state``.
     """
-    words = np.tile(np.arange(1 << width, dtype=np.int64), 8)
-    state = np.repeat(np.arange(8, dtype=np.int64), 1 << width)
+    words = np.tile(np.arange(1 << width), 8)
+    state = np.repeat(np.arange(8), 1 << width)
     bit, run = state >> 2, (state & 3) + 1
     count = np.zeros_like(words)
     for shift in range(width - 1, -1, -1):
@@ -69,23 +70,28 @@ def _stuff_table(width: int) -> bytes:
         bit = np.where(stuffed, 1 - sent, sent)
         run = np.where(stuffed, 1, run)
         count += stuffed
-    return (count << 3 | bit << 2 | run - 1).astype(np.uint8).tobytes()
+    return (count << 3 | bit << 2 | run - 1).astype(np.uint8)
 
 
-def _crc_table(width: int, bits_after: int) -> array[int]:
-    """CRC-15 contribution of every word of ``width`` bits that ``bits_after`` more follow (the CRC is linear)."""
-    word = np.arange(1 << width, dtype=np.int64)
-    crc = np.zeros_like(word)
-    for shift in range(width - 1, -1 - bits_after, -1):
-        sent = word >> shift & 1 if shift >= 0 else 0
-        feedback = (crc >> 14 ^ sent) & 1
-        crc = crc << 1 & 0x7FFF ^ feedback * _CRC_POLYNOMIAL
-    return array("H", crc.astype(np.uint16).tobytes())
+def _joined(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> bytes:
+    """The table of two runs one after the other."""
+    second = second.reshape(8, -1)
+    joined: NDArray[np.uint8] = second[first & 7] + (first[:, None] & 0xF8)
+    return joined.tobytes()
 
 
-_STUFF_8, _STUFF_15, _STUFF_16 = _stuff_table(8), _stuff_table(15), _stuff_table(16)
-_CRC_8 = _crc_table(8, 0)
-_CRC_16 = [_crc_table(16, 8 * after) for after in range(7)]
+def _crc_table(bits_after: int) -> NDArray[np.uint16]:
+    """CRC-15 contribution of every byte that ``bits_after`` more bits follow (the CRC is linear)."""
+    crc = np.arange(256) << 7
+    for _ in range(8 + bits_after):
+        crc = crc << 1 & 0x7FFF ^ (crc >> 14 & 1) * _CRC_POLYNOMIAL
+    return crc.astype(np.uint16)
+
+
+_BYTE, _CRC = _stuff_table(8), [_crc_table(8 * after) for after in range(8)]
+_STUFF_8, _STUFF_15, _STUFF_16 = _BYTE.tobytes(), _joined(_stuff_table(7), _BYTE), _joined(_BYTE, _BYTE)
+_CRC_8 = array("H", _CRC[0].tobytes())
+_CRC_16 = [array("H", (_CRC[after + 1][:, None] ^ _CRC[after]).tobytes()) for after in range(7)]
 _WORDS = [struct.Struct(f">8x{n // 2}H{'B' * (n % 2)}{8 - n}x").unpack for n in range(9)]
 """The data of a frame as big-endian words, and a last byte, by number of data bytes."""
 

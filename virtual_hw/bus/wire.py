@@ -121,6 +121,9 @@ class Bus:
 
     def run_until(self, t_ns: int) -> None:
         """Carry all traffic whose transmission ends at or before ``t_ns``, reactions of the listeners included."""
+        if self._on_wire is None and not self._waiting:
+            self.clock_ns = t_ns
+            return
         while True:
             if self._on_wire is None:
                 # A frame that would start just now waits: others may still join its arbitration.

@@ -27,6 +27,8 @@ _INTERNAL_LIMIT = 0x0800
 _FOLLOWING = 0x1000
 _FOLLOWING_ERROR = 0x2000
 _ALWAYS = _VOLTAGE_ENABLED | _REMOTE
+_RUN = 0x000F
+"""The controlword of an axis that is enabled and told nothing else."""
 _UNSUPERVISED = 0xFFFF_FFFF
 
 _STAYING_QUICK_STOPS = (5, 6, 7, 8)
@@ -168,13 +170,14 @@ class Axis:
             Torque demand, N·m.
         """
         values = self._values
-        self.sense(counts, velocity)
+        values[self._position] = counts
+        values[self._speed] = round(velocity)
         controlword = values[self._controlword]
         command = decode(controlword)
-        if self.state is PowerState.OPERATION_ENABLED:
-            self._command_enabled(command, controlword)
-        else:
+        if self.state is not PowerState.OPERATION_ENABLED:
             self._command_disabled(command, controlword)
+        elif controlword != _RUN or self._halted or self._stopping_to is not None or self._reset_bit:
+            self._command_enabled(command, controlword)
         status = 0
         torque = 0.0
         if self.state in ENERGISED:

@@ -53,6 +53,8 @@ class Heartbeats:
         self._watches: list[_Watch] = []
         self._due_ns = _NEVER
         self._restart = False
+        self.active = False
+        """Whether there is anything to poll."""
         store.effects[PRODUCER, 0] = lambda _: self._producer_changed()
         for k in self._subindices:
             store.guards[CONSUMER, k] = lambda value, k=k: self._guard_consumer(k, value)  # type: ignore[misc]
@@ -88,6 +90,7 @@ class Heartbeats:
 
     def _producer_changed(self) -> None:
         self._restart = True
+        self.active = self._period_ns() > 0 or bool(self._watches)
 
     def _period_ns(self) -> int:
         return self._store.values[self._producer] * 1_000_000

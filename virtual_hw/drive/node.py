@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from typing import Protocol
 
 from config.schema import Drive, Joint
@@ -65,7 +66,7 @@ class DriveNode:
         self._velocity_offset_mapped = False
         self._heartbeats = Heartbeats(self.store, bus, self.controller, self._send_heartbeat, self._heartbeat_lost)
         self._rpdos = [ReceivePdo(self.store, k, self._length_error) for k in range(4) if self.store.has(0x1400 + k, 1)]
-        self._tpdos = [TransmitPdo(self.store, k, self._send) for k in range(4) if self.store.has(0x1800 + k, 1)]
+        self._tpdos = [TransmitPdo(self.store, k, partial(bus.send, self.controller)) for k in range(4) if self.store.has(0x1800 + k, 1)]
         for pdo in (*self._rpdos, *self._tpdos):
             PdoRules(pdo, self._is_pre_operational, self._configure)
         for index in (0x1005, 0x1014):
@@ -95,7 +96,8 @@ class DriveNode:
             Torque demand in the drive's direction, N·m at the joint.
         """
         torque = self.axis.tick(counts, velocity)
-        self._heartbeats.poll(now_ns)
+        if self._heartbeats.active:
+            self._heartbeats.poll(now_ns)
         if self.nmt is NmtState.OPERATIONAL:
             for rpdo in self._timed_rpdos:
                 if now_ns > rpdo.deadline_ns:

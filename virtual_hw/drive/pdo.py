@@ -153,7 +153,7 @@ class TransmitPdo(Pdo):
 
     receive = False
 
-    def __init__(self, store: ObjectStore, number: int, send: Callable[[bytes], None]) -> None:
+    def __init__(self, store: ObjectStore, number: int, send: Callable[[bytes], object]) -> None:
         super().__init__(store, number)
         self._send = send
 
