@@ -59,7 +59,12 @@ class Connection:
             self.inbox.extend(packet[k : k + FRAME_SIZE] for k in range(0, len(packet), FRAME_SIZE))
 
     def transmit(self, raw: bytes) -> None:
-        """Queue a frame of the host on the bus; a full queue is told to it as the error frame SocketCAN has."""
+        """Queue a frame of the host on the bus; a full queue is told to it as the error frame SocketCAN has.
+
+        Error frames are for hosts to hear, not to send: they go nowhere.
+        """
+        if raw[3] & 0xE0 == 0x20:
+            return
         if raw[4] > 8:
             raw = CAN_FRAME.pack(int.from_bytes(raw[:4], "little"), 8, raw[8:])
         if not self.bus.send(self.controller, raw):

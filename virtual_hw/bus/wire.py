@@ -41,8 +41,6 @@ class Bus:
         self.name = name
         self.clock_ns = start_ns
         """Time up to which the bus has been simulated."""
-        self.frames = 0
-        """Frames carried since the start."""
         self._bit_ns = 1e9 / bitrate
         self._free_ns = start_ns
         self._waiting: list[tuple[int, int, bytes, Controller]] = []
@@ -149,7 +147,6 @@ class Bus:
         self._on_wire = (end, raw, sender)
 
     def _deliver(self, raw: bytes, sender: Controller) -> None:
-        self.frames += 1
         now = self.clock_ns
         for ear, hear in self._ears:
             if ear is not sender:
