@@ -74,12 +74,12 @@ class _Assembly:
         self.installation, self.hidden, self.tree, self.place = installation, hidden, tree, place
         self.loose: list[tuple[str, float, float]] = []
         """Name, stiffness, damping ratio."""
+        self._check_frames()
         self.bodies = self._true_bodies()
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
         self.spec.compiler.autolimits = False
         self.spec.option.gravity = hidden.base_tilt.gravity(installation.arm.gravity_m_s2)
-        self._check_frames()
         self._grow(self.spec.worldbody, tree.root, None)
         for sensor in installation.wrench_sensor:
             for kind, quantity in (("f", mujoco.mjtSensor.mjSENS_FORCE), ("n", mujoco.mjtSensor.mjSENS_TORQUE)):

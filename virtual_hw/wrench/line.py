@@ -35,6 +35,7 @@ class PtyLine:
         self._queue: deque[tuple[int, bytes]] = deque()
         self._sent = 0
         self._free_ns = 0
+        self._last_burst_ns = 0
         self._master, slave = pty.openpty()
         self._device = os.ttyname(slave)
         tty.setraw(slave)
@@ -108,6 +109,9 @@ class PtyLine:
             return
         if self._latency_ns:
             now_ns -= now_ns % self._latency_ns
+            if now_ns == self._last_burst_ns:
+                return
+            self._last_burst_ns = now_ns
         parts = []
         while self._queue:
             start, data = self._queue[0]
