@@ -23,7 +23,7 @@ from estimator.normal_equations import (
     torque_power,
 )
 from estimator.rigid_body import RigidBody
-from estimator.rows import Layout, make_layout, sum_up
+from estimator.rows import Layout, friction_widths, make_layout, sum_up
 from estimator.sums import Sums
 from estimator.terms import TERM_NAMES, TermName, candidate_terms
 from estimator.trajectory import Trajectory
@@ -37,8 +37,6 @@ _BAND_OVER_MOTION = 10.0
 """The torque of a motion holds harmonics of its velocity; ten times its band keeps them."""
 _LEAST_BAND, _WIDEST_BAND = 5.0, 25.0
 """Hz. Above some 25 Hz arms swing on their joints and are no rigid bodies."""
-_WIDTHS = np.array([0.003, 0.03, 0.15])
-"""Widths of the friction sigmoid to choose from, as shares of the joint's rms speed."""
 _EXCITED = 1e-6
 _REWEIGHTINGS = 3
 
@@ -74,7 +72,7 @@ def identify_links(
     _check(body, trajectories, options)
     base = base_parameters(body)
     band = options.band_hz or float(np.clip(_BAND_OVER_MOTION * motion_band(trajectories), _LEAST_BAND, _WIDEST_BAND))
-    candidates = candidate_terms(options.terms, _friction_widths(trajectories))
+    candidates = candidate_terms(options.terms, friction_widths(trajectories))
     by_instruments = options.estimator == "instrumental_variables"
     layout = make_layout(body, base, candidates, instruments=by_instruments)
     sums = sum_up(layout, trajectories, band)
@@ -115,19 +113,6 @@ def _warnings(trajectories: Sequence[Trajectory]) -> list[str]:
         if lost or gaps:
             result.append(f"{trajectory.name}: {lost} incomplete samples and {gaps} gaps are left out")
     return result
-
-
-def _friction_widths(trajectories: Sequence[Trajectory]) -> Array:
-    """(n, 3) rad/s from each joint's rms speed."""
-    square, duration = 0.0, 0.0
-    for trajectory in trajectories:
-        q = trajectory.q[:: max(1, round(trajectory.rate / 50.0))]
-        t = trajectory.t[:: max(1, round(trajectory.rate / 50.0))]
-        steps = np.diff(t)[:, None]
-        square = square + np.nansum(np.diff(q, axis=0) ** 2 / steps, axis=0)
-        duration += float(t[-1] - t[0])
-    speed = np.sqrt(np.asarray(square) / duration)
-    return np.asarray(np.maximum(speed, 1e-3 * speed.max())[:, None] * _WIDTHS)
 
 
 def _estimate(layout: Layout, sums: Sums, options: LinkOptions, by_instruments: bool) -> tuple[list[int], Solution]:

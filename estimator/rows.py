@@ -18,6 +18,9 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_WIDTHS = np.array([0.003, 0.03, 0.15])
+"""Widths of the friction sigmoid to choose from, as shares of the joint's rms speed."""
+
 CHUNK = 16_384
 """Samples worked on at once; memory does not grow beyond what they need."""
 
@@ -56,6 +59,19 @@ def make_layout(
     magnitude = np.abs(np.concatenate(blocks, axis=2)).max(axis=2)[:, list(base.kept)]
     active = [tuple(np.flatnonzero(row > 1e-9 * magnitude.max()).tolist()) for row in magnitude]
     return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments)
+
+
+def friction_widths(trajectories: Sequence[Trajectory]) -> Array:
+    """(n, 3) rad/s: widths of the friction sigmoid to choose from, by each joint's rms speed."""
+    square, duration = 0.0, 0.0
+    for trajectory in trajectories:
+        q = trajectory.q[:: max(1, round(trajectory.rate / 50.0))]
+        t = trajectory.t[:: max(1, round(trajectory.rate / 50.0))]
+        steps = np.diff(t)[:, None]
+        square = square + np.nansum(np.diff(q, axis=0) ** 2 / steps, axis=0)
+        duration += float(t[-1] - t[0])
+    speed = np.sqrt(np.asarray(square) / duration)
+    return np.asarray(np.maximum(speed, 1e-3 * speed.max())[:, None] * _WIDTHS)
 
 
 def sum_up(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> Sums:
