@@ -18,7 +18,6 @@ from pydantic import Field, model_validator
 from config.schema import Name, Positive, Section
 from virtual_hw.hidden.quantities import NotNegative
 
-
 BRISTLE_RELAXATION_S = 2e-3
 
 

@@ -207,7 +207,7 @@ def test_cable_loses_energy_every_cycle_and_a_spring_does_not(make_pendulum):
     spring = work('[[joint_spring]]\njoint = "swing"\nstiffness_nm_rad = 6.0\n')
     cable = work('[[cable]]\njoint = "swing"\nstiffness_nm_rad = 6.0\nelastic_share = 0.0\nyield_rad = 0.1\n')
     assert abs(spring) < 0.01
-    # Nearly a parallelogram of height 2·k·x and width 2·(0.5 − x): area 4·k·x·(0.5 − x) = 0.96 J, rounded at its corners.
+    # Nearly a parallelogram, 2·k·x high and 2·(0.5 − x) wide: 4·k·x·(0.5 − x) = 0.96 J less its round corners.
     assert 0.6 < cable < 0.97
 
 
