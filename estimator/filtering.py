@@ -25,7 +25,8 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_STOP_BAND_DB = 60.0
+_STOP_BAND_DB = 100.0
+"""What is left beyond the stop band folds back when a kernel is sampled, times frequency squared in the curvature."""
 _ROLL_OFF = 0.5
 _SPAN = 12
 """Length of the decimating kernel in output samples."""
