@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from driver.recording.joint_state_columns import JointStateColumns, NotJointStat
 from driver.recording.message_records import RECORD_HEAD_BYTES, SECOND, LogRecord
 from driver.recording.recording import Array, Event, Recording, check_increasing, find_gaps, gap_notes
 from driver.recording.run_writer import COMMAND, EVENTS, FEEDFORWARD, JOINT_STATES, METADATA
-from driver.recording.topic_messages import McapFile, records_by_length
+from driver.recording.topic_messages import Batch, McapFile, records_by_length
 
 JOINT_STATE_TYPES = (ros2.JOINT_STATE, "sensor_msgs/JointState")
 WRENCH = "/wrench"
@@ -28,8 +29,8 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
     """
     with McapFile(path) as file:
         metadata = next((m.metadata for m in file.metadata() if m.name == METADATA), None)
-        own = metadata is not None
-        measured, notes = _joint_states(file, topic)
+        collected = _Collected(file, topic, own=metadata is not None)
+        measured, notes = collected.joint_states(topic)
         stamp_ns = measured.stamp_ns
         if not stamp_ns.any():
             stamp_ns = measured.log_ns
@@ -37,18 +38,16 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
         check_increasing(stamp_ns, f"{path}, message on {topic}, number")
         start_ns = int(stamp_ns[0])
         t: Array = (stamp_ns - start_ns) / SECOND
-        if measured.position is None:
-            raise InputError(f"{path}, {topic}", "has no positions", "record joint positions in rad")
         columns = {"position": measured.position, "velocity": measured.velocity, "effort": measured.effort}
-        if not own:
+        if metadata is None:
             columns = {
                 name: _without_nan(path, topic, name, measured.joints, values, notes)
                 for name, values in columns.items()
             }
-        gaps = find_gaps(t)
         position = columns["position"]
         if position is None:
-            raise InputError(f"{path}, {topic}", "has no positions but NaN", "record joint positions in rad")
+            raise InputError(f"{path}, {topic}", "has no positions", "record joint positions in rad")
+        gaps = find_gaps(t)
         recording = Recording(
             path=path,
             joints=measured.joints,
@@ -60,32 +59,88 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
             gaps=gaps,
             notes=(*notes, *gap_notes(gaps)),
         )
-        return _with_own_channels(recording, file, stamp_ns, metadata) if metadata is not None else recording
+        return recording if metadata is None else _with_own_channels(recording, file, collected, stamp_ns, metadata)
 
 
-def _joint_states(file: McapFile, topic: str) -> tuple[JointStateColumns, list[str]]:
-    """All messages on ``topic`` in the order of their log times, of the set of joints that most of them have."""
-    groups: dict[tuple[str, ...], list[JointStateColumns]] = {}
-    channels = _checked_channels(file, topic)
-    for batch in file.batches(frozenset(channels)):
-        for channel_id in channels:
-            for positions, rows in records_by_length(batch, channel_id):
-                try:
-                    for part in joint_state_columns(positions, rows):
-                        groups.setdefault(part.joints, []).append(part)
-                except NotJointState as error:
-                    place = f"{file.path}, {topic}"
-                    raise InputError(place, f"a message is no JointState: {error}", "check what publishes it") from None
-    if not groups:
-        raise InputError(f"{file.path}, {topic}", "has no messages", "name another topic with --topic")
-    sizes = {joints: sum(len(part.positions) for part in parts) for joints, parts in groups.items()}
-    joints = max(sizes, key=lambda names: (sizes[names], len(names)))
-    notes = [
-        f"{count} messages on {topic} of other joints ({', '.join(names) or 'none'}) are left out"
-        for names, count in sizes.items()
-        if names != joints
-    ]
-    return _joined(groups[joints]), notes
+class _Collected:
+    """Everything that one pass over the file's chunks gives: JointState columns, wrenches, sentences."""
+
+    def __init__(self, file: McapFile, topic: str, *, own: bool) -> None:
+        self._file = file
+        self._groups: dict[str, dict[tuple[str, ...], list[JointStateColumns]]] = {}
+        self._stamps: list[Nanoseconds] = []
+        self._wrenches: list[Array] = []
+        self._sentences: list[tuple[int, int, str]] = []
+        joint_states = dict.fromkeys(_checked_channels(file, topic), topic)
+        wrench, events = frozenset[int](), frozenset[int]()
+        if own:
+            joint_states |= {c.id: c.topic for name in (COMMAND, FEEDFORWARD) for c in file.channels_of(name)}
+            wrench = frozenset(channel.id for channel in file.channels_of(WRENCH))
+            events = frozenset(channel.id for channel in file.channels_of(EVENTS))
+        for batch in file.batches(wrench | events | joint_states.keys()):
+            for channel_id, name in joint_states.items():
+                self._take_joint_states(batch, channel_id, name)
+            for channel_id in wrench:
+                self._take_wrenches(batch, channel_id)
+            for channel_id in events:
+                self._take_sentences(batch, channel_id)
+
+    def _take_joint_states(self, batch: Batch, channel_id: int, topic: str) -> None:
+        groups = self._groups.setdefault(topic, {})
+        for positions, rows in records_by_length(batch, channel_id):
+            try:
+                for part in joint_state_columns(positions, rows):
+                    groups.setdefault(part.joints, []).append(part)
+            except NotJointState as error:
+                place = f"{self._file.path}, {topic}"
+                raise InputError(place, f"a message is no JointState: {error}", "check what publishes it") from None
+
+    def _take_wrenches(self, batch: Batch, channel_id: int) -> None:
+        """The stamp is at the body's start, the six numbers at its end, whatever the frame is called."""
+        for _, rows in records_by_length(batch, channel_id):
+            body = RECORD_HEAD_BYTES + 4
+            seconds = np.ascontiguousarray(rows[:, body : body + 4]).view("<i4")[:, 0].astype(np.int64)
+            nanoseconds = np.ascontiguousarray(rows[:, body + 4 : body + 8]).view("<u4")[:, 0]
+            self._stamps.append(seconds * SECOND + nanoseconds)
+            self._wrenches.append(np.ascontiguousarray(rows[:, -48:]).view("<f8").astype(np.float64))
+
+    def _take_sentences(self, batch: Batch, channel_id: int) -> None:
+        for place in batch.offsets.get(channel_id, ()):
+            start = int(place)
+            end = start + 9 + int.from_bytes(batch.data[start + 1 : start + 9].tobytes(), "little")
+            record = batch.data[start:end].tobytes()
+            self._sentences.append(
+                (int.from_bytes(record[15:23], "little"), *LogRecord.unpack(record[RECORD_HEAD_BYTES:]))
+            )
+
+    def joint_states(self, topic: str) -> tuple[JointStateColumns, list[str]]:
+        """All messages on ``topic`` in the order of their log times, of the set of joints that most of them have;
+        and a note on those of other joints. InputError when there is none."""
+        groups = self._groups.get(topic)
+        if not groups:
+            raise InputError(f"{self._file.path}, {topic}", "has no messages", "name another topic with --topic")
+        sizes = {joints: sum(len(part.positions) for part in parts) for joints, parts in groups.items()}
+        joints = max(sizes, key=lambda names: (sizes[names], len(names)))
+        notes = [
+            f"{count} messages on {topic} of other joints ({', '.join(names) or 'none'}) are left out"
+            for names, count in sizes.items()
+            if names != joints
+        ]
+        return _joined(groups[joints]), notes
+
+    def matching(self, topic: str, stamp_ns: Nanoseconds) -> JointStateColumns | None:
+        """The messages of ``topic`` at the given stamps, NaN where there is none; None without the topic."""
+        return _at_stamps(self.joint_states(topic)[0], stamp_ns) if self._groups.get(topic) else None
+
+    def wrench(self, start_ns: int) -> tuple[Array | None, Array | None]:
+        """(times in s, samples × 6) of /wrench."""
+        if not self._stamps:
+            return None, None
+        return (np.concatenate(self._stamps) - start_ns) / SECOND, np.concatenate(self._wrenches)
+
+    def events(self, start_ns: int) -> tuple[Event, ...]:
+        found = [Event((log_ns - start_ns) / SECOND, level, text) for log_ns, level, text in self._sentences]
+        return tuple(sorted(found, key=lambda event: event.t))
 
 
 def _checked_channels(file: McapFile, topic: str) -> list[int]:
@@ -152,83 +207,46 @@ def _without_nan(
 
 
 def _with_own_channels(
-    recording: Recording, file: McapFile, stamp_ns: Nanoseconds, metadata: dict[str, str]
+    recording: Recording, file: McapFile, collected: _Collected, stamp_ns: Nanoseconds, metadata: dict[str, str]
 ) -> Recording:
-    command = _matching(file, COMMAND, stamp_ns)
-    feedforward = _matching(file, FEEDFORWARD, stamp_ns)
+    command = collected.matching(COMMAND, stamp_ns)
+    feedforward = collected.matching(FEEDFORWARD, stamp_ns)
     installation = attached_installation(file.attachments(), str(recording.path))
-    wrench_t, wrench = _wrench(file, recording.start_ns)
+    wrench_t, wrench = collected.wrench(recording.start_ns)
     sensors = installation.wrench_sensor if installation else ()
-    fields = dict(vars(recording))
-    fields.update(
-        q_d=command and command.position,
-        dq_d=command and command.velocity,
-        tau_command=command and command.effort,
-        tau_ff=feedforward and feedforward.effort,
+    return replace(
+        recording,
+        q_d=None if command is None else command.position,
+        dq_d=None if command is None else command.velocity,
+        tau_command=None if command is None else command.effort,
+        tau_ff=None if feedforward is None else feedforward.effort,
         wrench_t=wrench_t,
         wrench=wrench,
         wrench_frame=sensors[0].frame if sensors and wrench is not None else None,
-        events=_events(file, recording.start_ns),
+        events=collected.events(recording.start_ns),
         arm=metadata.get("arm"),
         installation=installation,
         metadata=metadata,
     )
-    return Recording(**fields)
 
 
-def _matching(file: McapFile, topic: str, stamp_ns: Nanoseconds) -> JointStateColumns | None:
-    """The messages of ``topic`` at the given stamps, NaN where there is none; None without the topic."""
-    if not file.channels_of(topic):
-        return None
-    columns, _ = _joint_states(file, topic)
+def _at_stamps(columns: JointStateColumns, stamp_ns: Nanoseconds) -> JointStateColumns:
     if np.array_equal(columns.stamp_ns, stamp_ns):
         return columns
     order = np.argsort(columns.stamp_ns, kind="stable")
     place = np.minimum(np.searchsorted(columns.stamp_ns[order], stamp_ns), len(order) - 1)
     rows, missing = order[place], columns.stamp_ns[order[place]] != stamp_ns
 
-    def at_stamps(values: Array | None) -> Array | None:
+    def filled(values: Array | None) -> Array | None:
         return None if values is None else np.where(missing[:, None], np.nan, values[rows])
 
-    return JointStateColumns(
-        joints=columns.joints,
+    return replace(
+        columns,
         positions=columns.positions[rows],
         stamp_ns=stamp_ns,
         log_ns=columns.log_ns[rows],
         sequence=columns.sequence[rows],
-        position=at_stamps(columns.position),
-        velocity=at_stamps(columns.velocity),
-        effort=at_stamps(columns.effort),
+        position=filled(columns.position),
+        velocity=filled(columns.velocity),
+        effort=filled(columns.effort),
     )
-
-
-def _wrench(file: McapFile, start_ns: int) -> tuple[Array | None, Array | None]:
-    """(times, samples × 6) of /wrench: the stamp is at the body's start, the six numbers at its end."""
-    stamps, values = list[Nanoseconds](), list[Array]()
-    channels = [channel.id for channel in file.channels_of(WRENCH)]
-    for batch in file.batches(frozenset(channels)) if channels else ():
-        for channel_id in channels:
-            for _, rows in records_by_length(batch, channel_id):
-                body = RECORD_HEAD_BYTES + 4
-                seconds = np.ascontiguousarray(rows[:, body : body + 4]).view("<i4")[:, 0].astype(np.int64)
-                nanoseconds = np.ascontiguousarray(rows[:, body + 4 : body + 8]).view("<u4")[:, 0]
-                stamps.append(seconds * SECOND + nanoseconds)
-                values.append(np.ascontiguousarray(rows[:, -48:]).view("<f8").astype(np.float64))
-    if not stamps:
-        return None, None
-    return (np.concatenate(stamps) - start_ns) / SECOND, np.concatenate(values)
-
-
-def _events(file: McapFile, start_ns: int) -> tuple[Event, ...]:
-    events = []
-    channels = [channel.id for channel in file.channels_of(EVENTS)]
-    for batch in file.batches(frozenset(channels)) if channels else ():
-        for channel_id in channels:
-            for place in batch.offsets.get(channel_id, ()):
-                start = int(place)
-                end = start + 9 + int.from_bytes(batch.data[start + 1 : start + 9].tobytes(), "little")
-                record = batch.data[start:end].tobytes()
-                level, text = LogRecord.unpack(record[RECORD_HEAD_BYTES:])
-                log_ns = int.from_bytes(record[15:23], "little")
-                events.append(Event((log_ns - start_ns) / SECOND, level, text))
-    return tuple(sorted(events, key=lambda event: event.t))

@@ -7,6 +7,7 @@ import re
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from config import InputError, Installation
+from driver.cyclic.cycle import Cycle
 from driver.cyclic.ring import RingReader
 from driver.recording.message_records import LogRecord
 from driver.recording.run_writer import RunWriter
@@ -28,6 +30,8 @@ QUIET_FLUSH_S = 0.05
 ANSWER_S = 30.0
 BATCH = 256
 SUFFIX = ".mcap"
+WARM_UP_CYCLES = 20
+"""Cycles before a run whose raw channels are kept with it, for what decoders remember."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +152,8 @@ class _Recorder:
         self._path: Path | None = None
         self._problem: str | None = None
         self._lost = 0
+        self._before: deque[Cycle] = deque(maxlen=WARM_UP_CYCLES)
+        """The newest cycles that are not in the file in progress."""
         self._flushed = True
         self._heard_s = time.monotonic()
         self.recording = False
@@ -162,6 +168,8 @@ class _Recorder:
         path = _free_path(directory or self._directory, name)
         self._discard()
         self._writer = RunWriter(path, self._installation, metadata, attach)
+        for cycle in self._before:
+            self._writer.warm_up(cycle)
         self._path, self._problem, self._lost, self.recording = path, None, 0, True
         return path
 
@@ -210,6 +218,7 @@ class _Recorder:
                     self._writer.note(f"recorder: {lost} cycles were lost, the disk was too slow", LogRecord.ERROR)
                 for cycle in cycles:
                     self._writer.write(cycle)
+                self._before.extend(cycles[-WARM_UP_CYCLES:])
             except OSError as error:
                 self._give_up(error)
         return some
@@ -217,7 +226,8 @@ class _Recorder:
     def _discard(self) -> bool:
         head, some = self._ring.head, False
         while self._ring.cursor < head:
-            self._ring.take(BATCH)
+            slots = self._ring.take(BATCH).slots[-WARM_UP_CYCLES:]
+            self._before.extend(self._ring.codec.decode(slot) for slot in slots)
             some = True
         return some
 

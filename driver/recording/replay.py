@@ -107,18 +107,23 @@ def _codec(installation: Installation, mode: str | None, path: Path) -> PdoCodec
 def _joint_states(
     file: McapFile, installation: Installation, channels: dict[str, Channel], mode: str | None
 ) -> Iterator[bytes]:
-    """/joint_states from the frames of each cycle: a joint whose feedback did not come is NaN."""
+    """/joint_states from the frames of each cycle: a joint whose feedback did not come is NaN.
+
+    Cycles before the run's first are decoded for what the codec remembers of them.
+    """
     topics = can_topics(installation)
     if missing := [topic for topic in topics if topic not in channels]:
         raise InputError(str(file.path), f"has no raw channel {missing[0]}", "replay our own recordings")
     codec = _codec(installation, mode, file.path)
     record = JointStateRecord(channels[JOINT_STATES].id, installation.joint_names, (True, True, True))
-    # The message itself is among them, so that a cycle without any frame is a cycle all the same.
+    # The message itself is among them: a cycle without any frame is a cycle all the same, one without it is none.
     wanted = {channels[topic].id: bus for bus, topic in enumerate(topics)} | {channels[JOINT_STATES].id: -1}
     for (sequence, log_ns), cycle in groupby(_records(file, wanted), key=itemgetter(0, 1)):
         codec.begin_cycle(log_ns)
+        recorded = False
         for _, _, bus, frame in cycle:
             if bus < 0:
+                recorded = True
                 continue
             sent, _, data = CanFrameRecord.unpack(frame[RECORD_HEAD_BYTES:])
             if not sent:
@@ -127,7 +132,8 @@ def _joint_states(
                 # What came before the cycle's SYNC is late feedback of the cycle before: recorded, never used.
                 codec.begin_cycle(log_ns)
         measured = codec.feedback()
-        yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
+        if recorded:
+            yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
 
 
 def _wrench(file: McapFile, installation: Installation, number: int, channels: dict[str, Channel]) -> Iterator[bytes]:
@@ -137,9 +143,11 @@ def _wrench(file: McapFile, installation: Installation, number: int, channels: d
     if topic not in channels:
         raise InputError(str(file.path), f"has no raw channel {topic}", "replay our own recordings")
     parser = make_parser(sensor)
+    first_ns = next(log_ns for _, log_ns, _, _ in _records(file, {channels[JOINT_STATES].id: 0}))
     record = WrenchRecord(channels[wrench_topics(installation)[number]].id, sensor.frame)
     for sequence, log_ns, _, raw in _records(file, {channels[topic].id: number}):
-        for sample in parser.feed(BytesRecord.unpack(raw[RECORD_HEAD_BYTES:]), log_ns):
+        samples = parser.feed(BytesRecord.unpack(raw[RECORD_HEAD_BYTES:]), log_ns)
+        for sample in samples if log_ns >= first_ns else ():
             yield record.pack(sequence, log_ns, sample.stamp_ns, sample.values if sample.fresh else NO_WRENCH)
 
 

@@ -115,28 +115,26 @@ class RunWriter:
             for number in (channel(topic, ros2.BYTES) for topic in serial_topics(self._installation))
         ]
 
+    def warm_up(self, cycle: Cycle) -> None:
+        """Add only the raw channels of a cycle before the run's first: what decoders remember from it.
+
+        A drive without velocity object is differentiated from one position to the next, a sensor's clock starts at
+        one frame and counts from the second; replay needs the one before as the live decoders had it.
+        """
+        self._arrange(cycle)
+        self._write_raw(cycle, measured=False)
+
     def write(self, cycle: Cycle) -> None:
         """Add one cycle. Raises OSError when the disk refuses."""
-        now, sequence = cycle.time_ns, cycle.index & 0xFFFF_FFFF
-        if self._chunk_start_ns is None:
-            self._begin(now)
-        elif now - self._chunk_start_ns >= FLUSH_NS or now < self._chunk_start_ns:
-            self._file.flush()
-            self._chunk_start_ns = now
-        self._index, self._time_ns = sequence, now
+        self._arrange(cycle)
+        now, sequence = cycle.time_ns, self._index
         self.cycles += 1
         add = self._file.add_message
         joint_states, command = self._joint_states_record, self._command_record
         add(self._joint_states, now, joint_states.pack(sequence, now, now, cycle.q, cycle.dq, cycle.tau))
         add(self._command, now, command.pack(sequence, now, now, cycle.q_d, cycle.dq_d, cycle.tau_command))
         add(self._feedforward, now, self._feedforward_record.pack(sequence, now, now, cycle.tau_ff))
-        for frame in cycle.frames:
-            channel_id, pack = self._can[frame.bus]
-            add(channel_id, now, pack(sequence, now, frame.time_ns, frame.sent, frame.data))
-        for sensor, data in cycle.serial:
-            channel_id, raw = self._serial[sensor]
-            add(channel_id, now, raw.pack(sequence, now, data))
-            self._write_wrench(sensor, sequence, now, data)
+        self._write_raw(cycle, measured=True)
         for sentence in cycle.events:
             add(
                 self._events,
@@ -144,11 +142,31 @@ class RunWriter:
                 self._log_record.pack(sequence, now, LEVELS.get(cycle.state, LogRecord.INFO), sentence),
             )
 
-    def _write_wrench(self, sensor: int, sequence: int, now: int, data: bytes) -> None:
-        channel_id, record = self._wrench[sensor]
-        for sample in self._parsers[sensor].feed(data, now):
-            values = sample.values if sample.fresh else NO_WRENCH
-            self._file.add_message(channel_id, now, record.pack(sequence, now, sample.stamp_ns, values))
+    def _arrange(self, cycle: Cycle) -> None:
+        """Begin the file at its first cycle, and a chunk when the last one spans long enough."""
+        now = cycle.time_ns
+        if self._chunk_start_ns is None:
+            self._begin(now)
+        elif now - self._chunk_start_ns >= FLUSH_NS or now < self._chunk_start_ns:
+            self._file.flush()
+            self._chunk_start_ns = now
+        self._index, self._time_ns = cycle.index & 0xFFFF_FFFF, now
+
+    def _write_raw(self, cycle: Cycle, *, measured: bool) -> None:
+        """Frames and bytes as they passed; the sensors' samples only when ``measured``."""
+        now, sequence, add = cycle.time_ns, self._index, self._file.add_message
+        for frame in cycle.frames:
+            channel_id, pack = self._can[frame.bus]
+            add(channel_id, now, pack(sequence, now, frame.time_ns, frame.sent, frame.data))
+        for sensor, data in cycle.serial:
+            channel_id, raw = self._serial[sensor]
+            add(channel_id, now, raw.pack(sequence, now, data))
+            samples = self._parsers[sensor].feed(data, now)
+            if measured:
+                channel_id, record = self._wrench[sensor]
+                for sample in samples:
+                    values = sample.values if sample.fresh else NO_WRENCH
+                    add(channel_id, now, record.pack(sequence, now, sample.stamp_ns, values))
 
     def _begin(self, now: int) -> None:
         for attachment in self._attachments:

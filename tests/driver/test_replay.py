@@ -7,12 +7,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as StockWriter
 
 from config import InputError, Installation
 from driver.cyclic.cycle import Cycle
-from driver.recording import RunWriter, replay
+from driver.recording import RunWriter, read_recording, replay
 from driver.recording import ros2_definitions as ros2
 
 CycleMaker = Callable[..., list[Cycle]]
@@ -72,3 +73,35 @@ def test_a_mode_that_the_installation_lacks_is_named(
     path = write(tmp_path / "run.mcap", dda, make_cycles(dda, 3), mode="pvt")
     with pytest.raises(InputError, match="made in mode 'pvt'"):
         replay(path)
+
+
+def test_cycles_before_the_run_warm_the_decoders_up(tmp_path: Path, dda: Installation, make_cycles: CycleMaker) -> None:
+    """Drives without velocity object, and the sensor's clock, need the cycle before, which is not itself decoded."""
+    drives = {
+        name: drive.model_copy(
+            update={
+                "layouts": {
+                    mode: layout.model_copy(update={"tpdo": layout.tpdo[:1]}) for mode, layout in drive.layouts.items()
+                }
+            }
+        )
+        for name, drive in dda.drives.items()
+    }
+    encoders_only = dda.model_copy(update={"drives": drives})
+    cycles = make_cycles(encoders_only, 60, lost_share=0.05)
+    assert any(cycle.valid[0] and not math.isnan(cycle.dq[0]) for cycle in cycles[20:])
+    writer = RunWriter(tmp_path / "run.mcap", encoders_only, {"mode": "csp"})
+    for cycle in cycles[:20]:
+        writer.warm_up(cycle)
+    for cycle in cycles[20:]:
+        writer.write(cycle)
+    writer.finish()
+    report = replay(tmp_path / "run.mcap")
+    assert report.identical, report.differences
+    assert report.messages["/joint_states"] == 40
+    recording = read_recording(tmp_path / "run.mcap")
+    assert recording.start_ns == cycles[20].time_ns
+    assert recording.wrench is not None
+    assert not np.isnan(recording.wrench).any()
+    cold = write(tmp_path / "cold.mcap", encoders_only, cycles[20:], mode="csp")
+    assert replay(cold).differences[0].message == 1, "without the cycles before, the first velocity cannot come again"
