@@ -160,11 +160,15 @@ class WallClockExchange(Exchange):
         self._next_ns = due + self.period_ns
         self._sync_ns = now
         stamp = now + self._epoch_ns
+        codec = self.codec
+        looked_at = len(codec.reception.other)
         for bus in range(len(self.channels)):
             if bus not in self.dead:
                 # What is in the socket from before is of the last cycle: recorded, but never this one's feedback.
                 self._drain(bus, stamp)
-        self.codec.begin_cycle(stamp)
+        waiting = codec.reception.other[looked_at:]
+        codec.begin_cycle(stamp)
+        codec.reception.other += waiting
         for bus in range(len(self.channels)):
             if bus not in self.dead:
                 self._send(bus, SYNC)

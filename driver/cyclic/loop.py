@@ -218,12 +218,12 @@ class CyclicLoop:
         if self._exchange is not None:
             self._exchange.close()
             self._exchange = None
-        commission(self.installation, mode, progress=progress)
+        commissioned = commission(self.installation, mode, progress=progress)
         self._needs_commissioning = False
         codec = PdoCodec(self.installation, mode)
         self._exchange = open_exchange(self.installation, codec, lockstep=self.lockstep)
         self._bits_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
-        self._beat = heartbeat(self._master_id)
+        self._beat = heartbeat(commissioned.master_node)
         self._supervision.forget()
         self._feedback = ArmFeedback(len(self._names))
         self.machine = ArmMachine(self.installation, mode, self.body, self._announce)

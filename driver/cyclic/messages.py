@@ -10,6 +10,7 @@ import mmap
 import os
 import pickle
 import socket
+import struct
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,6 +21,7 @@ from driver.plan import Plan
 
 Verb = Literal["start", "status", "enable", "disable", "play", "stop", "reset", "run_for", "close"]
 MESSAGE_BYTES = 1 << 17
+FD = struct.Struct("@i")
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,13 @@ def receive(connection: socket.socket, flags: int = 0) -> tuple[Any, list[int]] 
 
     Raises BlockingIOError when ``flags`` has MSG_DONTWAIT and there is none.
     """
-    data, fds, _, _ = socket.recv_fds(connection, MESSAGE_BYTES, 1, flags)
+    # Not socket.recv_fds: it drops its flags.
+    data, ancillary, _, _ = connection.recvmsg(MESSAGE_BYTES, socket.CMSG_SPACE(FD.size), flags)
+    fds = [
+        FD.unpack(value)[0]
+        for level, kind, value in ancillary
+        if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS and len(value) == FD.size
+    ]
     return (pickle.loads(data), fds) if data else None
 
 

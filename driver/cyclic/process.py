@@ -31,6 +31,8 @@ class LoopProcess:
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
+        self._poll = select.poll()
+        self._poll.register(connection.fileno(), select.POLLIN)
         self._ending: str | None = None
         self._close_request: int | None = None
         signal.signal(signal.SIGTERM, self._terminated)
@@ -88,7 +90,7 @@ class LoopProcess:
         while self._ending is None:
             if loop.lockstep and not loop.busy:
                 # Virtual time stands still while nothing is to be done, so that a run depends on its requests alone.
-                select.select([self._connection], [], [], 0.5)
+                self._poll.poll(500)
             self._take_requests(loop)
             if loop.busy or not loop.lockstep:
                 loop.cycle()
@@ -115,7 +117,7 @@ class LoopProcess:
             traceback.print_exc()
 
     def _take_requests(self, loop: CyclicLoop) -> None:
-        while True:
+        while self._poll.poll(0):
             try:
                 got = receive(self._connection, socket.MSG_DONTWAIT)
             except BlockingIOError:
