@@ -1,4 +1,4 @@
-"""The plant without hidden effects is a rigid body: against Pinocchio, against an adaptive integrator, against energy."""
+"""The plant without hidden effects is a rigid body: against Pinocchio, an adaptive integrator, and energy."""
 
 from __future__ import annotations
 
