@@ -55,6 +55,14 @@ class Axes:
         """Whether every axis was heard of in this cycle and is in ``target``."""
         return all(state is target for state in feedback.states)
 
+    def all_off(self, feedback: ArmFeedback) -> bool:
+        """Whether every axis that is heard of has no power, or is in fault."""
+        return all(
+            state in (State.SWITCH_ON_DISABLED, State.FAULT)
+            for i, state in enumerate(feedback.states)
+            if state is not None or feedback.age[i] <= UNSEEN_CYCLES
+        )
+
     def any_torque(self, feedback: ArmFeedback) -> bool:
         """Whether any drive may still produce torque; one that was not heard of for a moment counts."""
         return any(True for _ in self._with_torque(feedback))

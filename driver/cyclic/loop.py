@@ -13,7 +13,7 @@ from driver.cia402.pdo import CommandNotRepresentable, PdoCodec, heartbeat
 from driver.cyclic.cycle import LoopState, WrenchSample
 from driver.cyclic.exchange import Begun, Exchange, LockstepExchange, open_exchange
 from driver.cyclic.feedback import ArmFeedback
-from driver.cyclic.gate import Gate
+from driver.cyclic.gate import COMMANDING, Gate
 from driver.cyclic.last_frames import LastFrames
 from driver.cyclic.lateness import Lateness
 from driver.cyclic.machine import Answer, ArmMachine, Command
@@ -138,7 +138,9 @@ class CyclicLoop:
             serial, wrench = self._lines.read(now_ns, totals)
             self._events += self._lines.take_events()
         punctual = not begun.skipped and begun.late_ns <= self._good_start_ns
-        found = self._supervision.look(codec.reception, feedback, exchange.faults, punctual=punctual)
+        found = self._supervision.look(
+            codec.reception, feedback, exchange.faults, punctual=punctual, commanding=machine.state in COMMANDING
+        )
         exchange.faults.clear()
         self._events += found.events
         self._needs_commissioning |= found.recommission

@@ -20,7 +20,7 @@ from driver.cyclic.reference import Desired, Follow, Hold, Reference, SlowDown, 
 from driver.gravity import RigidBody
 from driver.plan import Plan
 
-ENABLE_S, DISABLE_S, STOP_S, CLEAR_S = 5.0, 3.0, 2.0, 2.0
+ENABLE_S, DISABLE_S, POWER_OFF_S, STOP_S, CLEAR_S = 5.0, 3.0, 0.2, 2.0, 2.0
 """Longest time of each undertaking; then a sentence names the joint that did not follow."""
 REST_HOLD_S = 0.1
 """After a stop the arm is held for this long before its brakes take over."""
@@ -81,6 +81,7 @@ class ArmMachine:
         self._next_controller = self._controller
         self._rest = RestWatch(installation)
         self._sent_samples = 0
+        self._deadline_slack = cycles_in(POWER_OFF_S, installation)
         self.feedback = ArmFeedback(n)
         self._phase: Callable[[], Command] = self._idle
 
@@ -279,14 +280,19 @@ class ArmMachine:
     def _switch_off(self) -> Command:
         """Brakes first: the drives go to SWITCHED_ON while the arm is held, and lose their power when all have."""
         if not self.axes.any_torque(self.feedback):
-            self._off()
-            return self._following(self.axes.words(self.feedback, State.SWITCH_ON_DISABLED))
+            self._phase = self._power_off
+            return self._power_off()
         if self._cycles > self._deadline:
             name = self.axes.first_with_torque(self.feedback)
             self._announce(f"{name} was not disabled in time; its power is cut")
-            self._off()
-            return self._following(self.axes.words(self.feedback, State.SWITCH_ON_DISABLED))
+            self._phase = self._power_off
+            return self._power_off()
         return self._controlled(self._stopping_words(State.SWITCHED_ON))
+
+    def _power_off(self) -> Command:
+        if self.axes.all_off(self.feedback) or self._cycles > self._deadline + self._deadline_slack:
+            self._off()
+        return self._following(self.axes.words(self.feedback, State.SWITCH_ON_DISABLED))
 
     def _drive_side_stop(self) -> Command:
         if not self.axes.any_moving(self.feedback) or self._cycles > self._deadline:

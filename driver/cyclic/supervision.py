@@ -51,9 +51,18 @@ class Supervision:
         self._was_faulted: set[int] = set()
 
     def look(
-        self, reception: Reception, feedback: ArmFeedback, bus_faults: Sequence[str], *, punctual: bool
+        self,
+        reception: Reception,
+        feedback: ArmFeedback,
+        bus_faults: Sequence[str],
+        *,
+        punctual: bool,
+        commanding: bool,
     ) -> Findings:
-        """Judge one cycle. ``punctual``: it began on time, and no cycle was skipped before it."""
+        """Judge one cycle. ``punctual``: it began on time, and no cycle was skipped before it.
+
+        ``commanding``: drives are enabled or becoming so; lateness harms nobody otherwise.
+        """
         found = Findings()
         for sentence in bus_faults:
             found.events.append(sentence)
@@ -68,7 +77,7 @@ class Supervision:
                 f"{self._bus_names[bus]}: a PDO 0x{can_id:03X} of {length} bytes is not as mapped, ignored"
             )
         self._feedback(feedback, found)
-        self._late_in_a_row = 0 if punctual else self._late_in_a_row + 1
+        self._late_in_a_row = 0 if punctual or not commanding else self._late_in_a_row + 1
         if self._late_in_a_row >= self._limit:
             found.causes.append(f"{self._late_in_a_row} deadlines were missed in a row; the machine is too busy")
             self._late_in_a_row = 0
