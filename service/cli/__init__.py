@@ -1,0 +1,5 @@
+"""The command `etude`."""
+
+from service.cli.entry import main
+
+__all__ = ["main"]

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from config import InputError
+from service.answers import finite
 from service.daemon.protocol import LINE_LIMIT, MalformedRequest, Request, encode, error_of, read_request
 
 log = logging.getLogger(__name__)
@@ -145,7 +146,8 @@ class Server:
                 )
             if looks_only and not command.looks_only:
                 raise PermissionError(f"user {peer.uid} may look but not {request.command}: join the group {GROUP}")
-            return {"id": request.id, "answer": await command.handler(Call(request.arguments, peer, progress))}
+            answer = await command.handler(Call(request.arguments, peer, progress))
+            return {"id": request.id, "answer": finite(answer)}
         except ConnectionError:
             raise
         except Exception as error:

@@ -1,0 +1,128 @@
+"""Commands that identify: `identify links`."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from config import InputError
+from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
+from service.cli.console import progress, publish, say
+from service.cli.options import ArmOption, AttachedOption, JsonOption
+
+app = typer.Typer(help="Identify inertial parameters.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@app.callback()
+def identify() -> None:
+    """Identify inertial parameters."""
+
+
+EstimatorOption = Annotated[
+    Literal["least_squares", "weighted", "whitened", "instrumental_variables"],
+    typer.Option("--estimator", help="How the equations are weighted."),
+]
+
+
+@app.command("links")
+def links(
+    recordings: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[RECORDING]...", help="Recordings (MCAP, CSV, text channels). None: the arm moves itself."
+        ),
+    ] = None,
+    hold_out: Annotated[
+        list[str] | None, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
+    ] = None,
+    arm: ArmOption = None,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat for several."
+        ),
+    ] = None,
+    topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
+    motion: Annotated[
+        list[str] | None, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat.")
+    ] = None,
+    estimator: EstimatorOption = "weighted",
+    band_hz: Annotated[
+        float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
+    ] = None,
+    mode: ModeOption = "csp",
+    controller: ControllerOption = "pd",
+    attached: AttachedOption = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where the model and the plot go. [the state directory]")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Identify the links, from recordings or by moving the arm."""
+    if recordings:
+        unfit = [name for name, given in (("--motion", motion), ("--attached", attached)) if given]
+        if unfit:
+            raise InputError(
+                unfit[0], "is for identifying by moving the arm", "leave it out, or leave the recordings out"
+            )
+        answer = _from_recordings(recordings, hold_out or [], arm, hold or [], topic, estimator, band_hz, out)
+    else:
+        unfit = [name for name, given in (("--hold-out", hold_out), ("--hold", hold), ("--out", out)) if given]
+        if unfit:
+            raise InputError(unfit[0], "is for identifying from recordings", "give recordings to learn from")
+        asked = {
+            "motions": [motion_reference(m) for m in motion or []],
+            "mode": mode,
+            "controller": controller,
+            "estimator": estimator,
+            "band_hz": band_hz,
+            "attached": attached,
+        }
+        answer = conduct(arm, "identify_links", asked)
+    from service.reports.link_tables import link_report
+
+    for note in [*answer["notes"], *answer["warnings"]]:
+        say(f"etude: {note}")
+    publish(answer, json, *link_report(answer))
+
+
+def _from_recordings(
+    recordings: list[str],
+    hold_out: list[str],
+    arm: str | None,
+    hold: list[str],
+    topic: str,
+    estimator: Any,
+    band_hz: float | None,
+    out: Path | None,
+) -> dict[str, Any]:
+    from service.identification.arm_source import parse_holds
+    from service.identification.links import LinksRequest, as_paths
+    from service.identification.links import identify as identify_from
+
+    request = LinksRequest(
+        recordings=as_paths(recordings),
+        hold_out=as_paths(hold_out),
+        directory=out.absolute() if out else _new_directory(),
+        arm=arm,
+        hold=parse_holds(hold),
+        topic=topic,
+        estimator=estimator,
+        band_hz=band_hz,
+    )
+    with progress() as tell:
+        return identify_from(request, tell).answer
+
+
+def _new_directory() -> Path:
+    from config.paths import state_directory
+
+    stem = state_directory() / "identified"
+    name = f"links-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    number = 1
+    while (stem / (name if number == 1 else f"{name}-{number}")).exists():
+        number += 1
+    return stem / (name if number == 1 else f"{name}-{number}")

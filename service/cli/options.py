@@ -1,0 +1,56 @@
+"""Options that several commands share, and how an arm is chosen when none is named."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from config import InputError
+from config.paths import run_directory
+
+DEFAULT_ARM = "dda"
+
+JsonOption = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write the answer as JSON ('-': standard output).")
+]
+ArmOption = Annotated[
+    str | None,
+    typer.Option(
+        "--arm", metavar="NAME", help="Configured arm, or an installation file. [$ETUDE_ARM, else the running one]"
+    ),
+]
+AttachedOption = Annotated[
+    bool, typer.Option("--attached", help="Stop the arm when this client goes away; by default the session carries on.")
+]
+
+
+def arm_to_start(arm: str | None) -> str:
+    """The installation that `up` and `check` mean: a name or a file."""
+    return arm or os.environ.get("ETUDE_ARM") or DEFAULT_ARM
+
+
+def arm_to_ask(arm: str | None) -> str:
+    """The name of the arm whose daemon a client asks: as given, else $ETUDE_ARM, else the only one running.
+
+    Raises InputError when several daemons run and none was named.
+    """
+    named = arm or os.environ.get("ETUDE_ARM")
+    if named:
+        return named if not _is_file(named) else _name_in(named)
+    running = sorted(path.stem for path in run_directory().glob("*.sock") if not path.stem.endswith("-look"))
+    if len(running) > 1:
+        raise InputError("--arm", f"daemons run for {', '.join(running)}", "say which one you mean")
+    return running[0] if running else DEFAULT_ARM
+
+
+def _is_file(arm: str) -> bool:
+    return arm.endswith(".toml") or os.sep in arm
+
+
+def _name_in(path: str) -> str:
+    from config import load_installation
+
+    return load_installation(str(Path(path))).arm.name

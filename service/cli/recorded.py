@@ -1,0 +1,145 @@
+"""Commands on what was recorded: `recordings`, `replay`, `recover`, `export`, `report`. None needs a daemon."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import RenderableType
+from rich.table import Table
+
+from config import InputError
+from config.paths import state_directory
+from service import outcomes
+from service.cli.console import publish
+from service.cli.options import ArmOption, JsonOption
+from service.sessions.store import Session, SessionStore
+
+RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING")]
+
+
+def recordings(arm: ArmOption = None, json: JsonOption = None) -> None:
+    """List the recordings of all sessions, oldest first."""
+    from service.reports.recording_list import summarise
+
+    entries = [
+        {"arm": session.record.arm, "session": session.id, **summarise(session.directory / name)}
+        for session in _sessions(arm)
+        for name in session.record.recordings
+    ]
+    table = Table("recording", "session", "seconds", "joint samples", "MB", "", box=None)
+    for e in entries:
+        seconds = "" if e["seconds"] is None else f"{e['seconds']:.2f}"
+        state = "" if e["complete"] else "cut: etude recover"
+        table.add_row(e["path"], e["session"], seconds, str(e["samples"] or ""), f"{e['bytes'] / 1e6:.1f}", state)
+    publish({"recordings": entries}, json, table if entries else "no session has recorded anything yet")
+
+
+def replay(recording: RecordingArgument, json: JsonOption = None) -> None:
+    """Decode a recording's raw frames again and compare with what was recorded, byte for byte."""
+    from driver.recording import replay as replay_file
+
+    report = replay_file(recording)
+    answer = {
+        "recording": str(recording),
+        "identical": report.identical,
+        "messages": report.messages,
+        "differences": [{"topic": d.topic, "message": d.message} for d in report.differences],
+    }
+    publish(answer, json, report.sentence)
+    if not report.identical:
+        raise typer.Exit(outcomes.ANSWER_IS_NO)
+
+
+def recover(
+    recording: RecordingArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Leave the recording as it is and write here.")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Give a cut recording its end, so that stock readers read it."""
+    from driver.recording import recover as recover_file
+
+    report = recover_file(recording, out)
+    answer = {
+        "recording": str(report.path),
+        "complete": report.complete,
+        "messages": report.messages,
+        "seconds": report.seconds,
+        "lost_bytes": report.lost_bytes,
+        "damaged": list(report.damaged),
+    }
+    publish(answer, json, report.sentence)
+
+
+def export(
+    recording: RecordingArgument,
+    output: Annotated[Path, typer.Argument(metavar="CSV", help="File to write.")],
+    topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
+    json: JsonOption = None,
+) -> None:
+    """Write a recording as CSV: t, q, dq, tau of each joint, and the wrench, in SI units."""
+    from driver.recording import export as export_file
+
+    left_out = export_file(recording, output, topic)
+    answer = {"recording": str(recording), "csv": str(output), "samples_left_out": left_out}
+    remark = f"; {left_out} samples with something missing were left out" if left_out else ""
+    publish(answer, json, f"wrote {output}{remark}")
+
+
+def report(
+    session: Annotated[str, typer.Argument(metavar="SESSION", help="A session's id, or 'last'.")],
+    arm: ArmOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Tell what a session did and found."""
+    found = _found(session, arm)
+    result = found.result()
+    answer = {**found.record.model_dump(mode="json"), "directory": str(found.directory), "result": result}
+    publish(answer, json, *_shown(found, result))
+
+
+def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableType]:
+    from service.reports.link_tables import link_report
+
+    record = session.record
+    lines: list[RenderableType] = [
+        f"session {record.id} on arm {record.arm}: {record.state}" + (f": {record.cause}" if record.cause else ""),
+        f"started {record.started}" + (f", ended {record.ended}" if record.ended else f"; {record.stage}"),
+        *(f"recording: {session.directory / name}" for name in record.recordings),
+    ]
+    if result is not None and record.kind == "identify-links":
+        lines += link_report(result)
+    elif result is not None:
+        lines += [
+            f"{joint}: " + ", ".join(f"{k} {v:.4g}" for k, v in error.items() if v is not None)
+            for joint, error in result["tracking_error"].items()
+        ]
+    return lines
+
+
+def _stores(arm: str | None) -> list[SessionStore]:
+    state = state_directory()
+    arms = [arm] if arm else sorted(path.parent.name for path in state.glob("*/sessions"))
+    return [SessionStore(state, name) for name in arms]
+
+
+def _sessions(arm: str | None) -> list[Session]:
+    return [session for store in _stores(arm) for session in store.all()]
+
+
+def _found(session_id: str, arm: str | None) -> Session:
+    everything = _sessions(arm)
+    if session_id == "last" and everything:
+        return max(everything, key=lambda s: s.record.started)
+    for session in everything:
+        if session.id == session_id:
+            return session
+    newest = ", ".join(s.id for s in everything[-3:])
+    raise InputError(
+        f"session {session_id}",
+        "there is no such session",
+        f"the newest are {newest}" if newest else "none has run yet",
+    )

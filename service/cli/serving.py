@@ -1,0 +1,113 @@
+"""Commands that serve: `up`, `daemon`, `virtual`."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from service.cli.console import say
+from service.cli.options import ArmOption, arm_to_start
+from service.supervision import StartFailed, SupervisedProcess
+
+READY_TIMEOUT_S = 60.0
+
+ConfigOption = Annotated[str, typer.Option("--config", metavar="FILE", help="Installation file, or a configured arm.")]
+LockstepOption = Annotated[
+    bool, typer.Option("--lockstep", help="Virtual time: deterministic, and as fast as the machine allows.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the stand-in's noise.")]
+
+
+def up(
+    arm: ArmOption = None,
+    virtual: Annotated[bool, typer.Option("--virtual", help="With the stand-in arm in the hardware's place.")] = False,
+    lockstep: LockstepOption = False,
+    seed: SeedOption = 0,
+) -> None:
+    """Run the daemon, and the stand-in arm with --virtual, in the foreground; Ctrl-C ends all in order."""
+    from config import InputError, load_installation
+
+    if lockstep and not virtual:
+        raise InputError("--lockstep", "hardware keeps its own time", "add --virtual, or leave --lockstep out")
+    chosen = arm_to_start(arm)
+    installation = load_installation(chosen)
+    config = str(installation.path)
+    commands: list[list[str]] = []
+    if virtual:
+        commands.append(["virtual", "--config", config, "--seed", str(seed), *(["--lockstep"] if lockstep else [])])
+    commands.append(["daemon", "--config", config, *(["--lockstep"] if lockstep else [])])
+    raise typer.Exit(supervise(commands, installation.arm.name))
+
+
+def supervise(commands: Sequence[Sequence[str]], arm: str) -> int:
+    """Start the commands one after another, each when the one before is ready; stop all, newest first, when one
+    ends or a signal comes. Returns the exit code: 0 after a signal, else that of the process that ended."""
+    asked_to_end = False
+
+    def end(signal_number: int, frame: FrameType | None) -> None:
+        nonlocal asked_to_end
+        asked_to_end = True
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, end)
+    running: list[SupervisedProcess] = []
+    with ExitStack() as stack:
+        for command in commands:
+            process = SupervisedProcess(command)
+            stack.callback(process.stop)
+            running.append(process)
+            try:
+                process.wait_ready(READY_TIMEOUT_S)
+            except StartFailed as failure:
+                if asked_to_end:
+                    return 0
+                say(f"etude: {failure}")
+                return failure.code
+            say(f"etude {process.name}: ready")
+        say(f"arm {arm} is up; etude status --arm {arm} looks at it, Ctrl-C ends it")
+        while not asked_to_end:
+            for process in running:
+                if (code := process.process.poll()) is not None:
+                    say(f"etude: {process.name} ended with exit code {code}; ending the others")
+                    return code if code > 0 else 70
+            time.sleep(0.1)
+        say("etude: ending")
+    return 0
+
+
+def daemon(config: ConfigOption, lockstep: LockstepOption = False) -> None:
+    """Serve one arm: the cyclic loop, the recorder, sessions and clients. What systemd starts."""
+    from service.daemon.process import run_daemon
+
+    run_daemon(config, lockstep=lockstep)
+
+
+def virtual(
+    config: ConfigOption,
+    lockstep: LockstepOption = False,
+    seed: SeedOption = 0,
+    hidden: Annotated[
+        str | None, typer.Option("--hidden", metavar="FILE", help="Hidden mechanics, in place of the installation's.")
+    ] = None,
+) -> None:
+    """Be the stand-in arm: drives on the bus, the sensor on its line."""
+    from config import load_installation
+    from service.daemon.systemd import notify
+    from virtual_hw.standin import run_standin
+
+    installation = load_installation(config)
+    run_standin(
+        installation, Path(hidden) if hidden else None, lockstep, seed, ready=lambda: _said_ready(notify("READY=1"))
+    )
+
+
+def _said_ready(told: bool) -> None:
+    if not told:
+        say("etude virtual: ready")

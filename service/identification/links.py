@@ -1,0 +1,121 @@
+"""Identify links from recordings: read, estimate, keep the model and the plot, answer.
+
+The same function serves the command line, in its own process, and the daemon, in a worker process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from config import InputError, load_installation
+from driver.recording import Recording
+from estimator.identification import LinkIdentification
+from estimator.links import Estimator, LinkOptions, identify_links
+from estimator.rigid_body import RigidBody
+from estimator.trajectory import Trajectory
+from service.identification.arm_source import ArmSource, arm_source, of_installation
+from service.identification.model_file import write_link_model
+from service.identification.recorded import Source, read_any, source_of, trajectory_of
+from service.reports.torque_plot import plot_torques
+
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class LinksRequest:
+    """What to identify from what. ``arm``: a configured name, an installation or URDF file, or None for the arm that
+    the recordings carry. ``directory`` takes ``links.toml`` and ``torques.png``."""
+
+    recordings: tuple[Path, ...]
+    directory: Path
+    hold_out: tuple[Path, ...] = ()
+    arm: str | None = None
+    hold: Mapping[str, float] = field(default_factory=dict)
+    topic: str = "/joint_states"
+    estimator: Estimator = "weighted"
+    band_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class LinksOutcome:
+    """An identification with everything that was made of it."""
+
+    result: LinkIdentification
+    trajectories: tuple[Trajectory, ...]
+    model: Path
+    plot: Path
+    answer: dict[str, Any]
+
+
+def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> LinksOutcome:
+    """Read, estimate, write the model file and the plot.
+
+    Raises InputError naming file, line and column for recordings that cannot be used.
+    """
+    body, arm, sources, trajectories, hold_out, notes = _read(request, tell)
+    tell("estimating", 0.4)
+    options = LinkOptions(estimator=request.estimator, band_hz=request.band_hz)
+    result = identify_links(body, trajectories, options, hold_out)
+    tell("writing the model and the plot", 0.85)
+    request.directory.mkdir(parents=True, exist_ok=True)
+    model = request.directory / "links.toml"
+    write_link_model(model, arm.name, result, sources)
+    plot = request.directory / "torques.png"
+    plot_torques(plot, arm.name, result, (hold_out or trajectories)[0], held_out=bool(hold_out))
+    answer = {"arm": arm.name, **result.as_json(), "notes": notes, "model": str(model), "plot": str(plot)}
+    tell("done", 1.0)
+    return LinksOutcome(result, tuple(trajectories), model, plot, answer)
+
+
+def _read(
+    request: LinksRequest, tell: Tell
+) -> tuple[RigidBody, ArmSource, list[Source], list[Trajectory], list[Trajectory], list[str]]:
+    paths = [*request.recordings, *request.hold_out]
+    if not request.recordings:
+        raise InputError("recordings", "there are none", "give at least one")
+    for path in request.hold_out:
+        if path.resolve() in {other.resolve() for other in request.recordings}:
+            raise InputError(str(path), "is both learnt from and held out", "hold out a recording of its own")
+    arm = arm_source(request.arm) if request.arm is not None else None
+    body: RigidBody | None = None
+    sources: list[Source] = []
+    read: list[Trajectory] = []
+    notes: list[str] = []
+    for k, path in enumerate(paths):
+        tell(f"reading {path.name}", 0.4 * k / len(paths))
+        recording = read_any(path, arm, request.topic)
+        if arm is None:
+            arm = _recorded_arm(recording, path)
+        if body is None:
+            body = arm.rigid_body(recording.joints, request.hold)
+        notes += [f"{path.name}: {note}" for note in recording.notes]
+        sources.append(source_of(path, recording))
+        read.append(trajectory_of(recording, body, str(path)))
+    assert arm is not None
+    assert body is not None
+    if body.held:
+        held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
+        notes.append(f"joints of the URDF that were not recorded are held still: {held}")
+    count = len(request.recordings)
+    return body, arm, sources[:count], read[:count], read[count:], notes
+
+
+def _recorded_arm(recording: Recording, path: Path) -> ArmSource:
+    if recording.arm is None:
+        raise InputError(str(path), "does not say which arm it is of", "name it: --arm NAME, or --arm FILE.urdf")
+    if recording.installation is not None and recording.installation.path.is_file():
+        return of_installation(recording.installation)
+    try:
+        return of_installation(load_installation(recording.arm))
+    except InputError as error:
+        raise InputError(
+            str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
+        ) from None
+
+
+def as_paths(given: Sequence[str]) -> tuple[Path, ...]:
+    """Paths as given on a command line, absolute, so that any process can read them."""
+    return tuple(Path(text).absolute() for text in given)

@@ -1,0 +1,60 @@
+"""Estimation in a process of its own, so that the daemon answers its clients meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+from service.identification.links import LinksRequest, identify
+
+NICENESS = 10
+"""Estimation must not compete with the cyclic loop for a processor."""
+
+
+class WorkerLost(Exception):
+    """The worker's process ended without an answer."""
+
+
+async def in_worker(request: LinksRequest, tell: Callable[[str, float], None]) -> dict[str, Any]:
+    """The answer of `identify`, and its progress. Cancelling ends the worker.
+
+    Raises what `identify` raises; WorkerLost when the process was killed, by the kernel's memory limit for one.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(theirs, request), name="etude-estimator", daemon=True)
+    await asyncio.to_thread(process.start)
+    theirs.close()
+    try:
+        while True:
+            kind, content = await asyncio.to_thread(ours.recv)
+            if kind == "progress":
+                tell(*content)
+            elif kind == "raised":
+                raise content
+            else:
+                answer: dict[str, Any] = content
+                return answer
+    except EOFError:
+        process.join()
+        raise WorkerLost(f"the estimator's process ended with code {process.exitcode}") from None
+    finally:
+        process.terminate()
+        process.join()
+        ours.close()
+
+
+def _work(connection: Connection, request: LinksRequest) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    try:
+        outcome = identify(request, lambda stage, share: connection.send(("progress", (stage, share))))
+    except Exception as error:
+        connection.send(("raised", error))
+    else:
+        connection.send(("answer", outcome.answer))

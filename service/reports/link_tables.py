@@ -1,0 +1,50 @@
+"""What an identification of links found, as tables for a person. Takes the JSON answer: fresh or read back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import RenderableType
+from rich.table import Table
+
+
+def link_report(answer: dict[str, Any]) -> list[RenderableType]:
+    """Parameters with their standard errors, joint terms, what cannot be identified, how well the torques fit."""
+    parameters = Table("base parameter", "value", "± std. error", "unit", box=None)
+    for p in answer["base_parameters"]:
+        parameters.add_row(p["name"], figure(p["value"]), figure(p["standard_error"]), p["unit"])
+    shown: list[RenderableType] = [
+        f"arm {answer['arm']}: {answer['status']}, {answer['samples']} samples, {answer['estimator']}, "
+        f"band {answer['band']:.3g} Hz, condition number {answer['condition_number']:.3g}",
+        parameters,
+    ]
+    if answer["effects"]:
+        effects = Table("effect", "joint", "parameter", "value", "± std. error", "unit", box=None)
+        for e in answer["effects"]:
+            effects.add_row(
+                e["effect"], e["joint"], e["parameter"], figure(e["value"]), figure(e["standard_error"]), e["unit"]
+            )
+        shown.append(effects)
+    groups = answer["identifiability"]
+    shown.append(
+        f"{len(groups['alone'])} parameters identifiable alone, {len(groups['combined'])} in combination, "
+        f"{len(groups['not'])} not at all ({', '.join(groups['not']) or 'none'})"
+    )
+    shown.append(_residuals("torque residual", answer["torque_residual"], answer["relative_error"]))
+    if answer["hold_out"] is not None:
+        shown.append(_residuals("on the held-out recordings", answer["hold_out"], answer["hold_out_relative_error"]))
+    shown += [f"model: {answer['model']}", f"plot: {answer['plot']}"]
+    return shown
+
+
+def _residuals(title: str, residuals: dict[str, dict[str, float]], relative: float) -> Table:
+    table = Table(title, "rms [N·m]", "relative", "noise rms [N·m]", box=None)
+    for joint, r in residuals.items():
+        table.add_row(joint, figure(r["rms"]), f"{100 * r['relative']:.2f} %", figure(r["noise_rms"]))
+    table.add_row("all", "", f"{relative:.2f} %", "")
+    return table
+
+
+def figure(value: float | None) -> str:
+    """A number for a table; a dash where there is none."""
+    return "–" if value is None else f"{value:.4g}"

@@ -1,0 +1,132 @@
+"""Conducts sessions: one at a time has the arm, any number of clients follow it, each ending is recorded."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from config import InputError
+from driver.cyclic.cycle import LoopState
+from service.outcomes import ArmStopped
+from service.sessions.moving import MovingArm
+from service.sessions.procedure import Procedure
+from service.sessions.store import Session, SessionStore
+
+log = logging.getLogger(__name__)
+ENABLED = (LoopState.HOLDING, LoopState.PLAYING)
+
+
+class RunningSession:
+    """A session at work. ``outcome`` is its answer, or the exception that ended it, once ``work`` is done."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.stage = ""
+        self.share = 0.0
+        self.work: asyncio.Task[dict[str, Any]]
+        self._news = asyncio.Event()
+
+    def tell(self, stage: str, share: float) -> None:
+        if stage != self.stage:
+            # Each stage is kept, its progress is only told: fsync at every percent would be a cost for nobody.
+            self.session.update(stage=stage, progress=round(share, 4))
+        self.stage, self.share = stage, share
+        self._news.set()
+
+    async def follow(self, progress: Callable[[dict[str, Any]], Awaitable[None]]) -> dict[str, Any]:
+        """Send progress until the session ends; its answer, or its exception. Cancelling the following leaves it be."""
+        self.work.add_done_callback(lambda _: self._news.set())
+        await progress({"session": self.session.id, "stage": self.stage, "share": self.share})
+        while not self.work.done():
+            await self._news.wait()
+            self._news.clear()
+            await progress({"session": self.session.id, "stage": self.stage, "share": self.share})
+        return await asyncio.shield(self.work)
+
+
+class Conductor:
+    """Gives the arm to one session after another."""
+
+    def __init__(self, moving: MovingArm, store: SessionStore) -> None:
+        self.moving = moving
+        self.store = store
+        self.current: RunningSession | None = None
+
+    def start(self, procedure: Procedure, *, attached: bool, uid: int) -> RunningSession:
+        """Begin a session. Raises InputError when another one has the arm."""
+        if self.current is not None and not self.current.work.done():
+            busy = self.current
+            raise InputError(
+                f"arm {self.store.arm}",
+                f"is busy with session {busy.session.id} ({busy.stage}, {100 * busy.share:.0f} %)",
+                "wait for it, or end it with etude stop",
+            )
+        session = self.store.create(procedure.kind, procedure.arguments(), attached=attached, uid=uid)
+        running = RunningSession(session)
+        running.work = asyncio.create_task(self._conduct(procedure, running), name=session.id)
+        running.work.add_done_callback(_retrieve)
+        self.current = running
+        return running
+
+    async def stop(self, cause: str) -> None:
+        """Stop the arm and thereby the session that moves it."""
+        await self.moving.stop(cause)
+
+    async def cancel(self, running: RunningSession, cause: str) -> None:
+        """End a session safely: the arm comes to rest, estimation is dropped. Harmless when it has ended."""
+        if running.work.done():
+            return
+        status = await asyncio.to_thread(self.moving.loop.status)
+        if status.state in (*ENABLED, LoopState.ENABLING):
+            await self.moving.stop(cause)
+        else:
+            running.work.cancel(cause)
+        await asyncio.wait([running.work])
+
+    async def end(self, cause: str) -> None:
+        """End the running session, if any, because the daemon ends."""
+        if self.current is not None:
+            await self.cancel(self.current, cause)
+
+    async def _conduct(self, procedure: Procedure, running: RunningSession) -> dict[str, Any]:
+        session = running.session
+        try:
+            try:
+                answer = await procedure.perform(self.moving, session, running.tell)
+            finally:
+                await self._relax()
+            session.write_result(answer)
+        except ArmStopped as error:
+            session.end("stopped", str(error))
+            raise
+        except asyncio.CancelledError as error:
+            session.end("interrupted", str(error) or "cancelled")
+            raise ArmStopped(str(error) or "the session was cancelled") from None
+        except InputError as error:
+            if not self.moving.loop.alive:
+                session.end("stopped", str(error))
+                raise ArmStopped(str(error)) from error
+            session.end("failed", str(error))
+            raise
+        except Exception as error:
+            session.end("failed", f"{type(error).__name__}: {error}")
+            log.exception("session %s failed", session.id)
+            raise
+        session.end("done")
+        return answer
+
+    async def _relax(self) -> None:
+        """Brakes on and drives off after a session. A stopped arm has its drives off already."""
+        if not self.moving.loop.alive:
+            return
+        status = await asyncio.to_thread(self.moving.loop.status)
+        if status.state in ENABLED:
+            await self.moving.disable()
+
+
+def _retrieve(work: asyncio.Task[dict[str, Any]]) -> None:
+    # Its outcome is in the session's record; a session nobody follows must not warn of an unread exception.
+    if not work.cancelled():
+        work.exception()

@@ -1,0 +1,94 @@
+"""The arm as a session sees it: awaitable moves, each watched to its end, and recordings around them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config import Installation
+from config.motion import SampledMotion, point_to_point
+from config.schema import Mode
+from driver.arm import ArmLoop
+from driver.plan import Controller, Plan
+from driver.recording import RecorderProcess
+from service.outcomes import ArmStopped
+
+Array = NDArray[np.float64]
+POLL_S = 0.05
+AT_REST_BEFORE_S = 0.2
+AT_REST_AFTER_S = 0.5
+"""Loop time recorded around a motion: what the noise is measured on, and what settles after it."""
+ALREADY_THERE_RAD = 1e-3
+
+
+class MovingArm:
+    """Moves the arm and records it for one session at a time. Blocking calls of the driver run in threads."""
+
+    def __init__(self, installation: Installation, loop: ArmLoop, recorder: RecorderProcess) -> None:
+        self.installation = installation
+        self.loop = loop
+        self.recorder = recorder
+        self._held: Array = np.full(len(installation.joint), np.nan)
+        """Where the arm is told to hold [rad]; gravity takes the measured position a little off it."""
+
+    async def enable(self, mode: Mode) -> None:
+        """Enable all drives; the arm holds where it is."""
+        await asyncio.to_thread(self.loop.enable, mode)
+        status = await asyncio.to_thread(self.loop.status)
+        self._held = np.array(status.q)
+
+    async def disable(self) -> None:
+        await asyncio.to_thread(self.loop.disable)
+
+    async def stop(self, cause: str) -> None:
+        await asyncio.to_thread(self.loop.stop, cause)
+
+    async def go_to(self, q: Sequence[float] | Array, mode: Mode, progress: Callable[[float], None]) -> None:
+        """Move from where the arm holds to ``q`` [rad] and wait. Raises ArmStopped when it does not arrive."""
+        goal = np.asarray(q, dtype=float)
+        if np.max(np.abs(goal - self._held)) < ALREADY_THERE_RAD:
+            return
+        motion = point_to_point(self._held, goal, self.installation)
+        plan = Plan(motion.q, motion.dq, motion.ddq, mode=mode, controller="pd", name="to the start")
+        await self._play(plan, progress)
+
+    async def play_recorded(
+        self, plan: Plan, directory: Path, metadata: dict[str, str], progress: Callable[[float], None]
+    ) -> Path:
+        """Play ``plan`` from where the arm holds and return its recording in ``directory``.
+
+        The recording is closed and kept however the run ends. Raises ArmStopped when the arm stopped meanwhile.
+        """
+        await asyncio.to_thread(self.recorder.start_run, plan.name, directory, metadata)
+        try:
+            await asyncio.to_thread(self.loop.run_for, AT_REST_BEFORE_S)
+            await self._play(plan, progress)
+            await asyncio.to_thread(self.loop.run_for, AT_REST_AFTER_S)
+        finally:
+            path = await asyncio.to_thread(self.recorder.stop_run)
+        return path
+
+    async def _play(self, plan: Plan, progress: Callable[[float], None]) -> None:
+        run = await asyncio.to_thread(self.loop.play, plan)
+        while True:
+            status = await asyncio.to_thread(self.loop.status)
+            if status.last_run != run:
+                raise ArmStopped(f"run {run} was replaced by run {status.last_run} before it ended")
+            if status.run_outcome == "done":
+                self._held = plan.q[-1]
+                progress(1.0)
+                return
+            if status.run_outcome is not None:
+                raise ArmStopped(status.run_outcome)
+            progress(status.progress)
+            await asyncio.sleep(POLL_S)
+
+
+def plan_of(sampled: SampledMotion, name: str, mode: Mode, controller: Controller, **extra: Any) -> Plan:
+    """A sampled motion as what the loop plays."""
+    return Plan(sampled.q, sampled.dq, sampled.ddq, mode=mode, controller=controller, name=name, **extra)

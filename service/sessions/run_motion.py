@@ -1,0 +1,65 @@
+"""A session that plays one motion and records it."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from config import Installation
+from config.motion import check_motion, load_motion, sample
+from config.schema import Mode
+from driver.plan import Controller
+from driver.recording import read_recording
+from service.sessions.moving import MovingArm, plan_of
+from service.sessions.procedure import Tell
+from service.sessions.store import Kind, Session
+from service.sessions.tracking import tracking_errors
+
+
+class RunArguments(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    motion: str
+    mode: Mode = "csp"
+    controller: Controller = "pd"
+
+
+class RunMotion:
+    """Move to the motion's start, play it, record it; the answer tells how well the arm followed."""
+
+    kind: Kind = "run"
+
+    def __init__(self, installation: Installation, arguments: RunArguments) -> None:
+        self._asked = arguments
+        motion = load_motion(arguments.motion, installation)
+        sampled = sample(motion, installation.cycle.rate_hz)
+        check_motion(sampled, installation, motion.name)
+        self._plan = plan_of(sampled, motion.name, arguments.mode, arguments.controller)
+        self._plan.check(installation)
+
+    def arguments(self) -> dict[str, Any]:
+        return self._asked.model_dump()
+
+    async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
+        plan = self._plan
+        tell("enabling the drives", 0.0)
+        await moving.enable(plan.mode)
+        await moving.go_to(plan.q[0], plan.mode, lambda share: tell("moving to the start", 0.05 + 0.3 * share))
+        path = await moving.play_recorded(
+            plan,
+            session.directory,
+            {"motion": plan.name, "mode": plan.mode, "controller": plan.controller},
+            lambda share: tell(f"playing {plan.name}", 0.35 + 0.6 * share),
+        )
+        session.update(recordings=(*session.record.recordings, path.name))
+        recording = await asyncio.to_thread(read_recording, path)
+        return {
+            "session": session.id,
+            "motion": plan.name,
+            "recording": str(path),
+            "samples": len(recording.t),
+            "duration_s": float(recording.t[-1] - recording.t[0]),
+            "tracking_error": tracking_errors(recording),
+        }
