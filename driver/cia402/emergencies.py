@@ -142,13 +142,6 @@ def decode_emergency(can_id: int, data: bytes) -> Emergency:
     return Emergency(node_id, int.from_bytes(data[:2], "little"), data[2], bytes(data[3:]))
 
 
-def describe_emergency(data: bytes) -> str:
-    """An emergency's 8 bytes in one sentence; bytes that are none are said to be none."""
-    if len(data) != 8:
-        return f"a malformed emergency of {len(data)} bytes ({data.hex(' ')})"
-    return str(Emergency(0, int.from_bytes(data[:2], "little"), data[2], bytes(data[3:])))
-
-
 def error_code_words(code: int) -> tuple[str, str]:
     """(words, remedy) for an error code (EMCY or object 603F): the code itself, else its narrowest known class."""
     if code & 0xFF00 == 0:
