@@ -250,14 +250,15 @@ class _BusOutput:
         self, controlword: Sequence[int], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
     ) -> str:
         for i, name, _, at_q, at_dq, at_tau, k_q, zero, k_dq, k_tau in self._axes:
-            for at, value, raw, bits, what in (
-                (at_q, q[i], (q[i] - zero) * k_q, 32, "position {:g} rad"),
-                (at_dq, dq[i], dq[i] * k_dq, 32, "velocity {:g} rad/s"),
-                (at_tau, tau[i], tau[i] * k_tau, 16, "torque {:g} N·m"),
+            for at, values, offset, factor, bits, what in (
+                (at_q, q, zero, k_q, 32, "position {:g} rad"),
+                (at_dq, dq, 0.0, k_dq, 32, "velocity {:g} rad/s"),
+                (at_tau, tau, 0.0, k_tau, 16, "torque {:g} N·m"),
             ):
                 # Mapped objects of other widths than 402's own would only move this bound of the sentence.
-                if at >= 0 and not -(2 ** (bits - 1)) - 0.5 <= raw <= 2 ** (bits - 1) - 0.5:
-                    return f"joint {name}: a {what.format(value)} cannot be sent to the drive"
+                bound = 1 << (bits - 1)
+                if at >= 0 and not -bound - 0.5 <= (values[i] - offset) * factor <= bound - 0.5:
+                    return f"joint {name}: a {what.format(values[i])} cannot be sent to the drive"
             if not 0 <= controlword[i] <= 0xFFFF:
                 return f"joint {name}: controlword {controlword[i]} is not 16 bits"
         return "a command does not fit the mapped objects"
