@@ -24,6 +24,8 @@ MODULATOR_HZ = 51_200
 SINC_LENGTHS = range(51, 513)
 BAUD_RATES = (9600, 57_600, 115_200, 230_400, 460_800)
 LONGEST_COMMAND = 200
+LARGEST_SETTING = 1e6
+"""Beyond it, frames of 32-bit floats could overflow."""
 DONE, REFUSED = 0, 1
 
 
@@ -106,7 +108,7 @@ class BotaSensor(Sensor):
             numbers = [float(word) for word in rest.split(",")]
         except ValueError:
             return REFUSED
-        if not np.isfinite(numbers).all():
+        if not all(-LARGEST_SETTING <= number <= LARGEST_SETTING for number in numbers):
             return REFUSED
         if name == "c" and len(numbers) == 4:
             return self._set_communication(*numbers)

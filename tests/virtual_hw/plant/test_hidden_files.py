@@ -18,7 +18,7 @@ FILES = sorted(p.stem for p in Path(virtual_hw.hidden.__file__).parent.glob("*.t
 
 
 def installation_of(name: str) -> Installation:
-    arm = name.removesuffix("-clean")
+    arm = name.split("-")[0]
     if not (ARMS / arm / "installation.toml").exists():
         pytest.skip(f"there is no installation of the arm {arm}")
     return load_installation(arm)

@@ -167,6 +167,7 @@ def test_bota_configuration(make_bench):
         (b"c,1,1,1,4", 1),
         (b"c,1,1,0,9", 1),
         (b"b,1,2,3,4,5,nan", 1),
+        (b"b,1,2,3,4,5,1e300", 1),
         (b"b,1,0,0,0,0,0", 0),
         (b"m5,0,0,0,0,0,2", 0),
         (b"s", 0),
@@ -307,6 +308,27 @@ def test_robotiq_finds_the_request_behind_noise_and_ignores_a_wrong_sum(robotiq)
     broken = START[:-1] + bytes([START[-1] ^ 1])
     assert robotiq.ask(b"\x00\x09\x77" + broken) == b""
     assert robotiq.ask(b"\x31\x09" + START) == modbus(bytes.fromhex("0910019A0001"))
+
+
+@pytest.mark.parametrize("protocol", ["bota", "robotiq"])
+def test_any_bytes_from_the_host_leave_the_sensor_sound(make_bench, protocol):
+    bench = make_bench(protocol=protocol, baud=460_800 if protocol == "bota" else 19_200)
+    rng = np.random.default_rng(11)
+    words = [b"C\r\n", b"c,1,1,0,4\r\n", b"f,512,0,0,1\r\n", b"m0,", b"1e9,", b"\n", START, b"\xff" * 50, b"\x09\x10"]
+    for _ in range(400):
+        piece = words[rng.integers(len(words))] if rng.random() < 0.5 else rng.bytes(int(rng.integers(1, 40)))
+        bench.ask(piece)
+        bench.run(1)
+        os.set_blocking(bench.fd, False)
+    if protocol == "bota":
+        bench.ask(b"\r\n" + b"x" * 300 + b"\r\n")
+        assert bench.ask(b"C\r\n").endswith(b"r,0,C,0\r\n")
+    else:
+        os.write(bench.fd, b"\xff" * 50)
+        bench.run(300)
+        os.write(bench.fd, b"\x00" * 300)
+        bench.run(30)
+        assert bench.ask(START) == modbus(bytes.fromhex("0910019A0001"))
 
 
 def _response(profile: str, rate: float, delay: float = 0.0) -> tuple[float, float]:
