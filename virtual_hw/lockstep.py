@@ -9,6 +9,8 @@ from virtual_hw.bus.local import MARK_KIND, SERIAL, TICK, Connection, LocalPort,
 from virtual_hw.rig import Rig
 
 START_NS = 1_700_000_000_000_000_000
+LONGEST_TICK_NS = 60_000_000_000
+"""No host means to move time further at once; a wrong clock does."""
 
 
 class Lockstep:
@@ -27,16 +29,14 @@ class Lockstep:
 
     def handle(self, connection: Connection) -> None:
         """Act on what a connection has sent; the caller has not read it yet."""
-        alive = connection.receive()
-        if connection.bus is not self._ports[0].bus:
+        connection.receive()
+        moves_time = connection.bus is self._ports[0].bus
+        if not moves_time:
             _forget_past(connection, self._rig.now_ns)
-        if any(map(is_mark, connection.inbox)):
-            if connection.bus is self._ports[0].bus:
-                self._run(connection)
-        else:
+        if not any(map(is_mark, connection.inbox)):
             self._configure(connection)
-        if not alive:
-            self._drop(connection)
+        elif moves_time:
+            self._run(connection)
         self._flush()
         self._rig.power_stage.run_ahead()
 
@@ -53,23 +53,22 @@ class Lockstep:
         if self._ticker is None:
             self._ticker = connection
         elif self._ticker is not connection:
-            print("A second host tried to move time; it was disconnected.", file=sys.stderr)
-            self._drop(connection)
+            self._send_away(connection, "A second host tried to move time")
             return
         others = [other for port in self._ports[1:] for other in port.connections]
-        for other in others:
-            if not other.receive():
-                self._drop(other)
         inbox = connection.inbox
+        for other in others:
+            # Whatever the host sent there it sent before this; a bus that is ahead of it has nothing new to say.
+            while not (other.inbox and other.inbox[-1] == inbox[-1]) and other.receive():
+                pass
         while inbox:
             raw = inbox.popleft()
             if not is_mark(raw):
                 connection.transmit(raw)
                 continue
             t_ns = int.from_bytes(raw[8:], "little")
-            if raw[4] != TICK or t_ns < self._rig.now_ns:
-                print(f"A host sent a mark of kind {raw[4]} for {t_ns} ns; it was disconnected.", file=sys.stderr)
-                self._drop(connection)
+            if raw[4] != TICK or not 0 <= t_ns - self._rig.now_ns <= LONGEST_TICK_NS:
+                self._send_away(connection, f"A host sent a mark of kind {raw[4]} for {t_ns} ns")
                 return
             self._advance(t_ns, others)
         for other in others:
@@ -94,8 +93,18 @@ class Lockstep:
 
     def _flush(self) -> None:
         for port in self._ports:
-            for connection in [c for c in port.connections if not c.flush()]:
-                self._drop(connection)
+            gone = False
+            for connection in port.connections:
+                connection.flush()
+                gone = gone or not connection.alive
+            if gone:
+                for connection in [c for c in port.connections if not c.alive]:
+                    self._drop(connection)
+
+    def _send_away(self, connection: Connection, reason: str) -> None:
+        print(f"{reason}; it was disconnected.", file=sys.stderr)
+        connection.inbox.clear()
+        connection.alive = False
 
     def _drop(self, connection: Connection) -> None:
         for port in self._ports:

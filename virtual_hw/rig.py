@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from config import Installation
 from virtual_hw.bus.wire import Bus
 from virtual_hw.drive.node import DriveNode
-from virtual_hw.drive.power_stage import Arm, PowerStage, SerialSensor
+from virtual_hw.drive.power_stage import Arm, PowerStage
 
 _POWER_UP_NS = 100_000_000
 """The drives are switched on this long before the clock starts: their boot-up messages are over by then."""
@@ -16,14 +14,14 @@ _POWER_UP_NS = 100_000_000
 class Rig:
     """All of the stand-in but its sockets. Time is moved by `advance` alone."""
 
-    def __init__(self, installation: Installation, arm: Arm, sensors: Sequence[SerialSensor], start_ns: int) -> None:
+    def __init__(self, installation: Installation, arm: Arm, start_ns: int) -> None:
         """
         Raises:
             InputError: a drive's EDS is not that of a CiA 402 drive.
         """
         self.now_ns = start_ns
         self.buses = [Bus(bus.name, bus.bitrate, start_ns - _POWER_UP_NS) for bus in installation.bus]
-        self.power_stage = PowerStage(arm, installation.joint, sensors)
+        self.power_stage = PowerStage(arm, installation.joint)
         by_name = {bus.name: bus for bus in self.buses}
         self.nodes = [
             DriveNode(

@@ -51,10 +51,7 @@ def run_standin(
     plant = build_plant(installation, hidden, seed)
     with contextlib.ExitStack() as cleanup:
         wake = cleanup.enter_context(_signals())
-        sensors = build_sensors(installation, hidden, plant, seed, directory)
-        for sensor in sensors:
-            cleanup.callback(sensor.close)
-        rig = Rig(installation, plant, sensors, START_NS if lockstep else 0)
+        rig = Rig(installation, plant, START_NS if lockstep else 0)
         ports: list[LocalPort | SocketCanPort] = []
         for bus, declared in zip(rig.buses, installation.bus, strict=True):
             kind, _, where = declared.channel.partition(":")
@@ -65,6 +62,11 @@ def run_standin(
             else:
                 ports.append(SocketCanPort(where, bus))
             cleanup.callback(ports[-1].close)
+        # After the buses: a stand-in that is refused there must not take a running one's serial lines away.
+        sensors = build_sensors(installation, hidden, plant, seed, directory)
+        for sensor in sensors:
+            cleanup.callback(sensor.close)
+        rig.power_stage.connect(sensors)
         _quieten()
         ready()
         serve(rig, ports, sensors, wake, lockstep=lockstep)

@@ -26,14 +26,12 @@ class WallClock:
 
     def handle(self, connection: Connection) -> None:
         """Put on the bus what a connection has sent; the caller has not read it yet."""
-        alive = connection.receive()
+        connection.receive()
         self.advance()
         while connection.inbox:
             raw = connection.inbox.popleft()
             if not is_mark(raw):
                 connection.transmit(raw)
-        if not alive:
-            self._drop(connection)
 
     def advance(self) -> None:
         """Bring the rig to the present and tell the hosts what has happened."""
@@ -48,14 +46,11 @@ class WallClock:
             if isinstance(port, SocketCanPort):
                 port.flush()
                 continue
-            for connection in [c for c in port.connections if not c.flush()]:
-                self._drop(connection)
+            for connection in port.connections:
+                connection.flush()
+            for connection in [c for c in port.connections if not c.alive]:
+                port.drop(connection)
 
     def seconds_to_next_event(self) -> float:
         due_ns = self._rig.next_event_ns() + self._lag_ns
         return max(0.0, (due_ns - time.monotonic_ns()) * 1e-9)
-
-    def _drop(self, connection: Connection) -> None:
-        for port in self._ports:
-            if isinstance(port, LocalPort) and connection in port.connections:
-                port.drop(connection)

@@ -61,7 +61,7 @@ class Bench:
 
     def __init__(self, installation: Installation) -> None:
         self.arm = Integrator(installation.joint)
-        self.rig = Rig(installation, self.arm, [], START_NS)
+        self.rig = Rig(installation, self.arm, START_NS)
         self.bus, self.node = self.rig.buses[0], self.rig.nodes[0]
         self.heard: list[tuple[int, int, bytes]] = []
         self.host = Controller(64, self._hear)

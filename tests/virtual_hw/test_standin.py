@@ -1,4 +1,4 @@
-"""The stand-in as a process of its own: determinism, canopen on it, its end."""
+"""The stand-in as a process of its own: one seed, one run; one stand-in a bus; a clean end."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import canopen
 import pytest
 
-from driver.bus.python_can import python_can_bus
 from virtual_hw.bus.frames import CAN_FRAME, MARK, MARK_ID, frame
 
 START_NS = 1_700_000_000_000_000_000
@@ -130,60 +127,21 @@ def test_equal_seeds_give_equal_bytes_and_others_do_not(start: Start, tmp_path: 
     for run, seed in enumerate((7, 7, 8)):
         directory = tmp_path / str(run)
         directory.mkdir()
-        start(seed=seed, directory=directory)
+        process = start(seed=seed, directory=directory)
         digests.append(motion_bytes(directory))
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+        assert list(directory.iterdir()) == []
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_canopen_works_on_it_in_wall_clock_time(start: Start, tmp_path: Path) -> None:
-    start("wall")
-    bus = python_can_bus(f"local:{tmp_path / 'dda-can0'}")
-    network = canopen.Network(bus)
-    network.connect()
-    try:
-        node = network.add_node(1, str(HERE.parents[1] / "config/drives/etude402.eds"))
-        assert node.sdo["Manufacturer device name"].raw == "Etude 402"
-        node.sdo[0x1017].raw = 10
-        node.nmt.state = "OPERATIONAL"
-        node.nmt.wait_for_heartbeat(5)
-        assert node.nmt.state == "OPERATIONAL"
-        with pytest.raises(canopen.SdoAbortedError) as refused:
-            node.sdo[0x605A].raw = 9
-        assert refused.value.code == 0x06090031
-        node.sdo[0x6060].raw = 10
-        node.sdo[0x6040].raw = 0x06
-        deadline = time.monotonic() + 5
-        while node.sdo[0x6041].raw & 0x6F != 0x21:
-            assert time.monotonic() < deadline
-    finally:
-        network.disconnect()
-
-
-def test_sigterm_ends_it_and_leaves_nothing(start: Start, tmp_path: Path) -> None:
-    for mode in ("lockstep", "wall"):
-        process = start(mode)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 0
-        assert list(tmp_path.iterdir()) == []
-
-
-def test_a_second_stand_in_is_refused_in_one_sentence(start: Start, tmp_path: Path) -> None:
-    start()
-    second = start(wait="another stand-in arm runs on this bus")
+def test_a_second_stand_in_is_refused_and_takes_nothing_from_the_first(start: Start, tmp_path: Path) -> None:
+    first = start("wall")
+    second = start("wall", wait="another stand-in arm runs on this bus")
     assert second.wait(10) == 2
+    assert (tmp_path / "dda-wrist").is_symlink()
     with Host(tmp_path / "dda-can0") as host:
         assert host.sdo_read(1, 0x1000) == 0x00020192
-
-
-def test_the_socket_of_a_killed_stand_in_is_no_obstacle(start: Start, tmp_path: Path) -> None:
-    process = start()
-    process.kill()
-    process.wait()
-    assert (tmp_path / "dda-can0").exists()
-    start()
-
-
-def test_a_file_in_the_way_is_not_removed(start: Start, tmp_path: Path) -> None:
-    (tmp_path / "dda-can0").write_text("mine")
-    assert start(wait="taken by a file that is no socket").wait(10) == 2
-    assert (tmp_path / "dda-can0").read_text() == "mine"
+    first.send_signal(signal.SIGTERM)
+    assert first.wait(10) == 0
+    assert list(tmp_path.iterdir()) == []

@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import canopen
 import pytest
 
+from driver.bus.python_can import python_can_bus
 from virtual_hw.bus.frames import CAN_FRAME, MARK, MARK_ID, frame
 from virtual_hw.bus.local import LocalPort
 from virtual_hw.event_loop import serve
@@ -51,7 +53,8 @@ def run_rig(make_bench: Callable[..., Any]) -> Iterator[RunRig]:
         def begin(directory: Path, *, lockstep: bool = True, sensors: Sequence[CountingSensor] = ()) -> Rig:
             installation = make_bench.installation
             arm = make_bench().arm
-            rig = Rig(installation, arm, sensors, START_NS if lockstep else 0)
+            rig = Rig(installation, arm, START_NS if lockstep else 0)
+            rig.power_stage.connect(sensors)
             ports = [LocalPort(directory / f"dda-{bus.name}", bus) for bus in rig.buses]
             wake, waker = socket.socketpair()
             thread = threading.Thread(target=serve, args=(rig, ports, sensors, wake), kwargs={"lockstep": lockstep})
@@ -244,3 +247,27 @@ def test_the_arm_follows_real_time_without_a_host(run_rig: RunRig, tmp_path: Pat
         while rig.now_ns < before + 20_000_000:
             host.sdo_read(1, 0x1000)
             assert time.monotonic_ns() < begin + 10**10
+
+
+def test_canopen_works_on_it_in_wall_clock_time(run_rig: RunRig, tmp_path: Path) -> None:
+    run_rig(tmp_path, lockstep=False)
+    bus = python_can_bus(f"local:{tmp_path / 'dda-can0'}")
+    network = canopen.Network(bus)
+    network.connect()
+    try:
+        node = network.add_node(1, str(Path(__file__).parents[2] / "config/drives/etude402.eds"))
+        assert node.sdo["Manufacturer device name"].raw == "Etude 402"
+        node.sdo[0x1017].raw = 10
+        node.nmt.state = "OPERATIONAL"
+        node.nmt.wait_for_heartbeat(5)
+        assert node.nmt.state == "OPERATIONAL"
+        with pytest.raises(canopen.SdoAbortedError) as refused:
+            node.sdo[0x605A].raw = 9
+        assert refused.value.code == 0x06090031
+        node.sdo[0x6060].raw = 10
+        node.sdo[0x6040].raw = 0x06
+        deadline = time.monotonic() + 5
+        while node.sdo[0x6041].raw & 0x6F != 0x21:
+            assert time.monotonic() < deadline
+    finally:
+        network.disconnect()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -73,11 +74,14 @@ def _stuff_table(width: int) -> NDArray[np.uint8]:
     return (count << 3 | bit << 2 | run - 1).astype(np.uint8)
 
 
-def _joined(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> bytes:
+def _by_state(table: NDArray[np.uint8]) -> list[bytes]:
+    return [row.tobytes() for row in table.reshape(8, -1)]
+
+
+def _joined(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The table of two runs one after the other."""
-    second = second.reshape(8, -1)
-    joined: NDArray[np.uint8] = second[first & 7] + (first[:, None] & 0xF8)
-    return joined.tobytes()
+    joined: NDArray[np.uint8] = second.reshape(8, -1)[first & 7] + (first[:, None] & 0xF8)
+    return joined
 
 
 def _crc_table(bits_after: int) -> NDArray[np.uint16]:
@@ -89,11 +93,14 @@ def _crc_table(bits_after: int) -> NDArray[np.uint16]:
 
 
 _BYTE, _CRC = _stuff_table(8), [_crc_table(8 * after) for after in range(8)]
-_STUFF_8, _STUFF_15, _STUFF_16 = _BYTE.tobytes(), _joined(_stuff_table(7), _BYTE), _joined(_BYTE, _BYTE)
+_STUFF_8, _STUFF_15, _STUFF_16 = map(_by_state, (_BYTE, _joined(_stuff_table(7), _BYTE), _joined(_BYTE, _BYTE)))
 _CRC_8 = array("H", _CRC[0].tobytes())
 _CRC_16 = [array("H", (_CRC[after + 1][:, None] ^ _CRC[after]).tobytes()) for after in range(7)]
 _WORDS = [struct.Struct(f">8x{n // 2}H{'B' * (n % 2)}{8 - n}x").unpack for n in range(9)]
 """The data of a frame as big-endian words, and a last byte, by number of data bytes."""
+
+
+_FOUR_WORDS: Callable[[bytes], tuple[int, int, int, int]] = struct.Struct(">8x4H").unpack
 
 
 def _crc_step(crc: int, bit: int) -> int:
@@ -103,8 +110,9 @@ def _crc_step(crc: int, bit: int) -> int:
 
 
 @lru_cache(maxsize=4096)
-def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
+def _header(identifier: bytes, length: int) -> tuple[int, int, int, int]:
     """(data bytes, unstuffed bits in all, CRC contribution of the header, stuffing after the header)."""
+    can_id = int.from_bytes(identifier, "little")
     remote = 1 if can_id & REMOTE else 0
     if can_id & EXTENDED:
         fields = [(0, 1), (can_id >> 18 & 0x7FF, 11), (3, 2), (can_id & 0x3FFFF, 18), (remote, 1), (0, 2), (length, 4)]
@@ -131,16 +139,27 @@ def frame_bits(raw: bytes) -> int:
     Args:
         raw: one ``struct can_frame``.
     """
-    data_bytes, bits, crc, state = _header(int.from_bytes(raw[:4], "little"), raw[4])
+    length = raw[4]
+    data_bytes, bits, crc, state = _header(raw[:4], length)
+    if data_bytes == 8:
+        a, b, c, d = _FOUR_WORDS(raw)
+        crc ^= _CRC_16[6][a] ^ _CRC_16[4][b] ^ _CRC_16[2][c] ^ _CRC_16[0][d]
+        first = _STUFF_16[state & 7][a]
+        second = _STUFF_16[first & 7][b]
+        third = _STUFF_16[second & 7][c]
+        fourth = _STUFF_16[third & 7][d]
+        last = _STUFF_15[fourth & 7][crc]
+        stuffed = (state >> 3) + (first >> 3) + (second >> 3) + (third >> 3) + (fourth >> 3) + (last >> 3)
+        return bits + stuffed
     stuffed = state >> 3
     after = data_bytes
     for word in _WORDS[data_bytes](raw):
         if after > 1:
             after -= 2
             crc ^= _CRC_16[after][word]
-            state = _STUFF_16[(state & 7) << 16 | word]
+            state = _STUFF_16[state & 7][word]
         else:
             crc ^= _CRC_8[word]
-            state = _STUFF_8[(state & 7) << 8 | word]
+            state = _STUFF_8[state & 7][word]
         stuffed += state >> 3
-    return bits + stuffed + (_STUFF_15[(state & 7) << 15 | crc] >> 3)
+    return bits + stuffed + (_STUFF_15[state & 7][crc] >> 3)

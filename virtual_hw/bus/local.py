@@ -40,23 +40,26 @@ class Connection:
         self.controller = Controller(HOST_QUEUE, self._hear)
         self.inbox: deque[bytes] = deque()
         """Frames and TICK marks in the order they came; `release` moves frames on to the bus."""
+        self.alive = True
+        """Whether the host is still there and speaks whole frames."""
         self._outbox: list[bytes] = [mark(HELLO, hello_ns)]
         self._overrun = False
         bus.attach(self.controller)
         self.flush()
 
     def receive(self) -> bool:
-        """Read every packet there is into `inbox`; False when the host has gone."""
-        while True:
-            try:
-                packet = self.sock.recv(_PACKET_LIMIT, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return True
-            except OSError:
-                return False
-            if not packet or len(packet) % FRAME_SIZE:
-                return False
-            self.inbox.extend(packet[k : k + FRAME_SIZE] for k in range(0, len(packet), FRAME_SIZE))
+        """Read one packet into `inbox`; False when there is none. A host that has gone is no longer `alive`."""
+        try:
+            packet = self.sock.recv(_PACKET_LIMIT, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return False
+        except OSError:
+            packet = b""
+        if not packet or len(packet) % FRAME_SIZE:
+            self.alive = False
+            return False
+        self.inbox.extend([packet[k : k + FRAME_SIZE] for k in range(0, len(packet), FRAME_SIZE)])
+        return True
 
     def transmit(self, raw: bytes) -> None:
         """Queue a frame of the host on the bus; a full queue is told to it as the error frame SocketCAN has.
@@ -74,13 +77,13 @@ class Connection:
         """Add marks behind everything heard so far; `flush` sends."""
         self._outbox.append(mark_bytes)
 
-    def flush(self) -> bool:
-        """Send what was heard since the last flush as one packet; False when the host has gone.
+    def flush(self) -> None:
+        """Send what was heard since the last flush as one packet.
 
         A host that does not read loses frames, as it would in its own receive queue, and is told when it reads again.
         """
         if not self._outbox:
-            return True
+            return
         packet = b"".join(self._outbox)
         self._outbox.clear()
         if self._overrun:
@@ -89,11 +92,10 @@ class Connection:
             self.sock.send(packet, socket.MSG_DONTWAIT)
         except BlockingIOError:
             self._overrun = True
-            return True
         except OSError:
-            return False
-        self._overrun = False
-        return True
+            self.alive = False
+        else:
+            self._overrun = False
 
     def close(self) -> None:
         self.bus.detach(self.controller)

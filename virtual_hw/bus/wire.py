@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable
+from heapq import heapify, heappop, heappush
 
 from virtual_hw.bus.frames import INTERFRAME_BITS, arbitration_key, frame_bits
 
@@ -60,8 +60,8 @@ class Bus:
     def detach(self, controller: Controller) -> None:
         """Disconnect a controller: what it has queued is not sent, what is on the wire ends as it is."""
         self._ears = [entry for entry in self._ears if entry[0] is not controller]
-        self._waiting = [entry for entry in self._waiting if entry[3] is not controller]
-        heapq.heapify(self._waiting)
+        self._waiting[:] = [entry for entry in self._waiting if entry[3] is not controller]
+        heapify(self._waiting)
         controller.queued = 0
 
     def listen(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
@@ -88,7 +88,7 @@ class Bus:
             return False
         controller.queued += 1
         self._sequence += 1
-        heapq.heappush(self._waiting, (arbitration_key(raw[:4]), self._sequence, raw, controller))
+        heappush(self._waiting, (arbitration_key(raw[:4]), self._sequence, raw, controller))
         return True
 
     def exchange_at_once(self, controller: Controller, raw: bytes) -> None:
@@ -108,43 +108,35 @@ class Bus:
 
     def next_ns(self) -> int | None:
         """When there is something to do: a frame ends or the next one may start; None when nothing is to be sent."""
-        if self._on_wire is None:
-            if not self._waiting:
-                return None
-            if self._free_ns > self.clock_ns:
-                return self._free_ns + 1
-            self._start()
-        assert self._on_wire is not None
-        return self._on_wire[0]
+        if self._on_wire is not None:
+            return self._on_wire[0]
+        return max(self._free_ns, self.clock_ns) + 1 if self._waiting else None
 
     def run_until(self, t_ns: int) -> None:
         """Carry all traffic whose transmission ends at or before ``t_ns``, reactions of the listeners included."""
-        if self._on_wire is None and not self._waiting:
-            self.clock_ns = t_ns
-            return
+        waiting, bit_ns = self._waiting, self._bit_ns
         while True:
             if self._on_wire is None:
+                free, clock = self._free_ns, self.clock_ns
+                start = free if free > clock else clock
                 # A frame that would start just now waits: others may still join its arbitration.
-                if not self._waiting or self._free_ns >= t_ns or self.clock_ns >= t_ns:
+                if not waiting or start >= t_ns:
                     break
-                self._start()
-            end, raw, sender = self._on_wire  # type: ignore[misc]
-            if end > t_ns:
-                break
+                _, _, raw, sender = heappop(waiting)
+                sender.queued -= 1
+                end = start + int(frame_bits(raw) * bit_ns)
+                self._free_ns = end + self._interframe_ns
+                if end > t_ns:
+                    self._on_wire = (end, raw, sender)
+                    break
+            else:
+                end, raw, sender = self._on_wire
+                if end > t_ns:
+                    break
+                self._on_wire = None
             self.clock_ns = end
-            self._on_wire = None
             self._deliver(raw, sender)
         self.clock_ns = t_ns
-
-    def _start(self) -> None:
-        """Give the wire to the frame that wins the arbitration."""
-        _, _, raw, sender = heapq.heappop(self._waiting)
-        sender.queued -= 1
-        bits = frame_bits(raw)
-        start = self._free_ns if self._free_ns > self.clock_ns else self.clock_ns
-        end = start + int(bits * self._bit_ns)
-        self._free_ns = end + self._interframe_ns
-        self._on_wire = (end, raw, sender)
 
     def _deliver(self, raw: bytes, sender: Controller) -> None:
         now = self.clock_ns

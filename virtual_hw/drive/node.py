@@ -66,7 +66,11 @@ class DriveNode:
         self._velocity_offset_mapped = False
         self._heartbeats = Heartbeats(self.store, bus, self.controller, self._send_heartbeat, self._heartbeat_lost)
         self._rpdos = [ReceivePdo(self.store, k, self._length_error) for k in range(4) if self.store.has(0x1400 + k, 1)]
-        self._tpdos = [TransmitPdo(self.store, k, partial(bus.send, self.controller)) for k in range(4) if self.store.has(0x1800 + k, 1)]
+        self._tpdos = [
+            TransmitPdo(self.store, k, partial(bus.send, self.controller))
+            for k in range(4)
+            if self.store.has(0x1800 + k, 1)
+        ]
         for pdo in (*self._rpdos, *self._tpdos):
             PdoRules(pdo, self._is_pre_operational, self._configure)
         for index in (0x1005, 0x1014):

@@ -176,20 +176,20 @@ class TransmitPdo(Pdo):
         self.event_driven = self.transmission in EVENT_DRIVEN
         self._inhibit_ns = self.parameter(3) * 100_000
         self._period_ns = self.parameter(5) * 1_000_000
+        self._every = self.transmission
         self._syncs = 0
         self._told: bytes | None = None
         self._told_ns = -_NEVER
 
     def on_sync(self) -> None:
-        transmission = self.transmission
-        if transmission == 0:
+        if self._every == 0:
             raw = self._frame()
             if raw != self._told:
                 self._told = raw
                 self._send(raw)
             return
         self._syncs += 1
-        if self._syncs >= transmission:
+        if self._syncs >= self._every:
             self._syncs = 0
             self._send(self._frame())
 

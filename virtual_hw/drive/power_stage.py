@@ -54,8 +54,9 @@ class Senses:
 class PowerStage:
     """The arm with its serial sensors, one tick at a time."""
 
-    def __init__(self, arm: Arm, joints: Sequence[Joint], sensors: Sequence[SerialSensor]) -> None:
-        self._arm, self._sensors = arm, sensors
+    def __init__(self, arm: Arm, joints: Sequence[Joint]) -> None:
+        self._arm = arm
+        self._sensors: Sequence[SerialSensor] = ()
         self._sign = [joint.encoder.sign for joint in joints]
         self._counts_per_rad = [
             joint.encoder.sign * joint.encoder.counts_per_turn / (2.0 * math.pi) for joint in joints
@@ -65,6 +66,12 @@ class PowerStage:
         self._latched: deque[Senses] = deque([self._latch()])
         self.senses = self._latched[0]
         """Of the last servo tick."""
+
+    def connect(self, sensors: Sequence[SerialSensor]) -> None:
+        """Move these sensors on with the arm; before time moves."""
+        self._sensors = sensors
+        for senses in self._latched:
+            senses.serial_bytes = [sensor.total_bytes for sensor in sensors]
 
     def at_tick(self) -> Senses:
         """What is sensed at the servo tick that is due now; `demand` must follow."""
