@@ -97,8 +97,8 @@ class MotorState:
         self._thermal = thermal is not None
         self._ambient = thermal.ambient_c if thermal else 22.0
         self._loss = thermal.loss_w_nm2 if thermal else 0.0
-        self._heating = period_s / thermal.capacity_j_k if thermal else 0.0
-        self._cooling = period_s / (thermal.capacity_j_k * thermal.resistance_k_w) if thermal else 0.0
+        self._heating = 1.0 / thermal.capacity_j_k if thermal else 0.0
+        self._cooling = 1.0 / (thermal.capacity_j_k * thermal.resistance_k_w) if thermal else 0.0
         self.kelvin = thermal.initial_c - thermal.ambient_c if thermal and thermal.initial_c is not None else 0.0
         """Temperature above ambient."""
 
@@ -127,11 +127,11 @@ class MotorState:
             torque = self._saturation * math.tanh(torque / self._saturation)
         return torque
 
-    def warm(self, friction_power_w: float) -> None:
-        """One period of heating by the current and by friction."""
+    def warm(self, friction_power_w: float, h: float) -> None:
+        """``h`` seconds of heating by the current and by friction."""
         if self._thermal:
             heat = self._loss * self.current_nm * self.current_nm + abs(friction_power_w)
-            self.kelvin += self._heating * heat - self._cooling * self.kelvin
+            self.kelvin += h * (self._heating * heat - self._cooling * self.kelvin)
 
 
 def phase_currents(

@@ -130,4 +130,4 @@ class DriveTrain:
             spent += self._brake.settle(self.speed, h)
         if self._spring is None:
             self._transmitted = self._drive_torque - spent
-        self.motor.warm(spent * self.speed)
+        self.motor.warm(spent * self.speed, h)

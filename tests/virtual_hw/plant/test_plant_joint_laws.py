@@ -133,13 +133,18 @@ def test_load_dependent_friction_grows_with_the_torque(make_pendulum):
     assert transmitted == pytest.approx(19.5 / 1.1, rel=1e-3)
 
 
-def test_friction_falls_as_the_motor_warms(make_pendulum):
+@pytest.mark.parametrize("substeps", [1, 4])
+def test_friction_falls_as_the_motor_warms(make_pendulum, substeps):
     law = (
-        friction("level_nm = 0.0\nviscous_nms_rad = 2.0\nviscous_per_kelvin = -0.02")
+        f"substeps = {substeps}\n"
+        + friction("level_nm = 0.0\nviscous_nms_rad = 2.0\nviscous_per_kelvin = -0.02")
         + '[[motor]]\njoint = "swing"\nthermal = { capacity_j_k = 2.0, resistance_k_w = 0.5, loss_w_nm2 = 1.0 }\n'
     )
     plant = make_pendulum(law, gravity=False)
     assert plant.temperature(0) == 22.0
+    run(plant, 4.0, 200)
+    # At first the heat is stored: C·ΔT = ∫(r·τ² + friction power).
+    assert plant.temperature(0) - 22.0 == pytest.approx(0.2 * 16.0 / 2.0, rel=0.2)
     speeds = run(plant, 4.0, 8000)
     # Steady: r·τ² + |friction power| = ΔT/R, at the speed that the weakened friction allows.
     kelvin = plant.temperature(0) - 22.0
