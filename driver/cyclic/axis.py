@@ -27,10 +27,12 @@ class Axis:
         """As last seen; None before the first statusword and for patterns outside the standard."""
         self.target = State.SWITCH_ON_DISABLED
         self.cause: str | None = None
-        self.controlword: int = Control.DISABLE_VOLTAGE
+        self.controlword = int(Control.DISABLE_VOLTAGE)
         self._since_ns: int | None = None
         self._resetting_since_ns: int | None = None
         self._was_enabled = False
+        # Statusword with which everything is as wanted: the same again needs no second look.
+        self._settled_on: int | None = None
 
     @property
     def reached(self) -> bool:
@@ -69,21 +71,25 @@ class Axis:
         ``statusword`` is None (or negative) when no feedback came: the last controlword is repeated while the
         time-out runs. ``t_ns`` is any monotonic clock.
         """
+        if statusword is not None and statusword == self._settled_on:
+            return self.controlword
         if statusword is not None and statusword >= 0:
             self._see(statusword, t_ns)
         if self._since_ns is None:
             self._since_ns = t_ns
         if self._resetting_since_ns is not None:
-            self.controlword = self._reset(t_ns)
+            self.controlword = int(self._reset(t_ns))
         elif self.state is not None:
-            self.controlword = self._towards(self.state)
+            self.controlword = int(self._towards(self.state))
         self._watch(statusword, t_ns)
+        self._settled_on = statusword if self.reached and self.cause is None else None
         return self.controlword
 
     def _want(self, target: State) -> None:
         if target is not self.target or self.cause is not None or self._resetting_since_ns is not None:
             self._since_ns = None
         self.target, self.cause, self._resetting_since_ns = target, None, None
+        self._settled_on = None
         self._was_enabled = False
 
     def _see(self, statusword: int, t_ns: int) -> None:

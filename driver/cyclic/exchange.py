@@ -23,8 +23,6 @@ FEEDBACK_DEADLINE = 0.75
 """Share of the period after which feedback that has not come is missing."""
 LATEST_START = 0.5
 """Share of the period up to which a late cycle still begins; later it is skipped, so two SYNCs are never close."""
-OVERHEAD_BITS = 47
-"""Bits of a frame beside its data, without stuffing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +36,11 @@ class Begun:
 
 @dataclass(slots=True)
 class BusCount:
-    """Traffic of one bus since the start; ``bits`` without stuffing."""
+    """Traffic of one bus since its channel was opened."""
 
     sent: int = 0
     received: int = 0
-    bits: int = 0
     errors: int = 0
-
-    def add(self, buffer: bytes | bytearray, end: int, *, sent: bool) -> None:
-        frames = end // FRAME_BYTES
-        if sent:
-            self.sent += frames
-        else:
-            self.received += frames
-        self.bits += OVERHEAD_BITS * frames + 8 * sum(buffer[4:end:FRAME_BYTES])
 
 
 class Exchange(ABC):
@@ -103,8 +92,8 @@ class Exchange(ABC):
             self._fault(bus, fault)
 
     def _sent(self, bus: int, data: bytes | bytearray, time_ns: int) -> None:
-        self.counts[bus].add(data, len(data), sent=True)
-        self.batches.append(Batch(bus, True, time_ns, bytes(data)))
+        self.counts[bus].sent += len(data) // FRAME_BYTES
+        self.batches.append((bus, True, time_ns, bytes(data)))
 
     def _drain(self, bus: int, time_ns: int) -> None:
         buffer = self._buffers[bus]
@@ -118,8 +107,8 @@ class Exchange(ABC):
     def _received(self, bus: int, buffer: bytearray, end: int, time_ns: int) -> None:
         if end:
             self.codec.receive(bus, buffer, end)
-            self.counts[bus].add(buffer, end, sent=False)
-            self.batches.append(Batch(bus, False, time_ns, bytes(memoryview(buffer)[:end])))
+            self.counts[bus].received += end // FRAME_BYTES
+            self.batches.append((bus, False, time_ns, bytes(buffer[:end])))
 
     def _fault(self, bus: int, fault: ChannelFault) -> None:
         self.counts[bus].errors += 1

@@ -50,6 +50,7 @@ class CyclicLoop:
         self.ring = ring
         self.body = RigidBody(installation)
         self._names = installation.joint_names
+        self._all = (1 << len(self._names)) - 1
         self._feedback = ArmFeedback(len(self._names))
         self._gate = Gate(installation)
         self._supervision = Supervision(installation)
@@ -70,9 +71,10 @@ class CyclicLoop:
             self._commission(installation.modes[0], progress)
             progress("wrench sensors")
             self._lines = WrenchLines(installation)
-            if isinstance(self._exchange, LockstepExchange) and self._lines:
-                self._exchange.look()
-                self._lines.anchor(self._exchange.serial_bytes)
+            exchange = self._live()
+            if isinstance(exchange, LockstepExchange) and self._lines:
+                exchange.look()
+                self._lines.anchor(exchange.serial_bytes)
             self._settle()
         except BaseException:
             self.close()
@@ -206,7 +208,7 @@ class CyclicLoop:
         batches = exchange.take_batches()
         self._frames.add(batches)
         events, self._events = self._events, []
-        valid = sum(1 << i for i, ok in enumerate(fb.valid) if ok)
+        valid = self._all if fb.complete else sum(1 << i for i, ok in enumerate(fb.valid) if ok)
         self.ring.publish(
             self._index, begun.time_ns, begun.late_ns, machine.state, machine.playing_run, valid,
             [*fb.q, *fb.dq, *fb.tau, *command.q_d, *command.dq_d, *command.tau, *command.tau_ff],
@@ -224,7 +226,7 @@ class CyclicLoop:
         self._needs_commissioning = False
         codec = PdoCodec(self.installation, mode)
         self._exchange = open_exchange(self.installation, codec, lockstep=self.lockstep)
-        self._bits_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
+        self._frames_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
         self._beat = heartbeat(commissioned.master_node)
         self._supervision.forget()
         self._feedback = ArmFeedback(len(self._names))
@@ -276,12 +278,13 @@ class CyclicLoop:
 
     def _bus_status(self, exchange: Exchange) -> tuple[BusStatus, ...]:
         now = exchange.now_ns
-        elapsed_s = max(1, now - self._bits_at[0]) / 1e9
+        elapsed_s = max(1, now - self._frames_at[0]) / 1e9
         found = []
         for k, (bus, count) in enumerate(zip(self.installation.bus, exchange.counts, strict=True)):
-            load = (count.bits - self._bits_at[1][k]) / bus.bitrate / elapsed_s
+            frames = count.sent + count.received - self._frames_at[1][k]
+            load = frames * self._frames.bits_per_frame(k) / bus.bitrate / elapsed_s
             found.append(BusStatus(bus.name, count.sent, count.received, load, count.errors))
-        self._bits_at = now, [count.bits for count in exchange.counts]
+        self._frames_at = now, [count.sent + count.received for count in exchange.counts]
         return tuple(found)
 
     def _live(self) -> Exchange:

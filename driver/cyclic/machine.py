@@ -101,7 +101,7 @@ class ArmMachine:
         self._begin(LoopState.STOPPING, self._switch_off, DISABLE_S, answer)
 
     def play(self, plan: Plan, body: RigidBody, number: int) -> None:
-        """Begin to play a checked plan. Raises InputError unless it begins where the arm holds and is at rest at its ends."""
+        """Begin to play a checked plan; refused unless it begins where the arm holds and is at rest at its ends."""
         self._require(LoopState.HOLDING, "play", "enable it first")
         place = f"plan {plan.name}"
         if plan.mode != self.mode:

@@ -10,7 +10,6 @@ import mmap
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from driver.cyclic.cycle import Cycle, LoopState, RawFrame, WrenchSample
 
@@ -28,15 +27,9 @@ NO_WRENCH = (math.nan,) * 6
 WRENCH_PRESENT, WRENCH_FRESH = 1, 2
 
 
-class Batch(NamedTuple):
-    """CAN frames of one bus that passed the wire at one time: ``data`` is k·16 bytes of struct can_frame."""
-
-    bus: int
-    sent: bool
-    time_ns: int
-    data: bytes
-
-
+Batch = tuple[int, bool, int, bytes]
+"""CAN frames of one bus that passed the wire at one time: (bus number, sent by the host, time in ns, k·16 bytes of
+struct can_frame). A plain tuple, because the loop makes a dozen a cycle."""
 Buffer = bytes | memoryview | mmap.mmap
 Serial = tuple[int, bytes]
 """(sensor number, bytes of its line)."""
@@ -61,6 +54,36 @@ class _Late:
         everything = self.frames + list(frames), self.serial + list(serial), self.events + list(events)
         self.frames, self.serial, self.events = [], [], []
         return everything
+
+    def split(
+        self, room: int, frames: Sequence[Batch], serial: Sequence[Serial], events: Sequence[str]
+    ) -> tuple[list[Batch], list[Serial], list[str]]:
+        """What fits in ``room`` bytes of a slot's tail, in order; the rest is late."""
+        fits: tuple[list[Batch], list[Serial], list[str]] = [], [], []
+        for k, (bus, sent, when, data) in enumerate(frames):
+            size = max(0, min(len(data), (room - BATCH_HEAD.size) // FRAME * FRAME))
+            if size:
+                fits[0].append((bus, sent, when, data[:size]))
+                room -= BATCH_HEAD.size + size
+            if size < len(data):
+                self.frames = [(bus, sent, when, data[size:]), *frames[k + 1 :]]
+                break
+        for k, (sensor, line) in enumerate(serial):
+            size = max(0, min(len(line), room - SERIAL_HEAD.size))
+            if size:
+                fits[1].append((sensor, line[:size]))
+                room -= SERIAL_HEAD.size + size
+            if size < len(line):
+                self.serial = [(sensor, line[size:]), *serial[k + 1 :]]
+                break
+        for k, sentence in enumerate(events):
+            size = EVENT_HEAD.size + len(sentence.encode()[:EVENT_BYTES])
+            if size > room:
+                self.events = list(events[k:])
+                break
+            fits[2].append(sentence)
+            room -= size
+        return fits
 
 
 class SlotCodec:
@@ -97,54 +120,37 @@ class SlotCodec:
         frames: Sequence[Batch],
         serial: Sequence[Serial],
         events: Sequence[str],
+        *,
+        split: bool = False,
     ) -> None:
-        """Write one cycle at ``start``, all but its sequence number (the first 8 bytes)."""
+        """Write one cycle at ``start``, all but its sequence number (the first 8 bytes). ``split``: what is late
+        was set aside just now and does not belong here."""
         at, end = start + self._tail, start + self.slot_bytes
-        if self._late.waiting:
+        if self._late.waiting and not split:
             frames, serial, events = self._late.before(frames, serial, events)
-        batches = lines = sentences = 0
-        for k, batch in enumerate(frames):
-            data = batch.data
-            room = (end - at - 16) // FRAME * FRAME
-            if len(data) > room:
-                self._late.frames += [batch._replace(data=bytes(data[max(0, room) :])), *frames[k + 1 :]]
-                if room <= 0:
-                    break
-                data = data[:room]
-            size = len(data)
-            BATCH_HEAD.pack_into(buffer, at, batch.bus, batch.sent, size // FRAME, 0, batch.time_ns)
-            at += 16
-            buffer[at : at + size] = data
-            at += size
-            batches += 1
-            if self._late.frames:
-                break
-        for k, (sensor, line) in enumerate(serial):
-            room = end - at - 8
-            if len(line) > room:
-                self._late.serial += [(sensor, line[max(0, room) :]), *serial[k + 1 :]]
-                if room <= 0:
-                    break
-                line = line[:room]
-            size = len(line)
-            SERIAL_HEAD.pack_into(buffer, at, sensor, 0, size)
-            at += 8
-            buffer[at : at + size] = line
-            at += size
-            lines += 1
-            if self._late.serial:
-                break
-        for k, sentence in enumerate(events):
+        parts: list[bytes] = []
+        head = BATCH_HEAD.pack
+        for bus, sent, when, data in frames:
+            parts.append(head(bus, sent, len(data) // FRAME, 0, when))
+            parts.append(data)
+        for sensor, line in serial:
+            parts.append(SERIAL_HEAD.pack(sensor, 0, len(line)))
+            parts.append(line)
+        for sentence in events:
             text = sentence.encode()[:EVENT_BYTES]
-            size = len(text)
-            if at + 2 + size > end:
-                self._late.events += events[k:]
-                break
-            EVENT_HEAD.pack_into(buffer, at, size)
-            at += 2
-            buffer[at : at + size] = text
-            at += size
-            sentences += 1
+            parts.append(EVENT_HEAD.pack(len(text)))
+            parts.append(text)
+        tail = b"".join(parts)
+        if at + len(tail) > end:
+            frames, serial, events = self._late.split(end - at, frames, serial, events)
+            self.encode(
+                buffer, start, index, time_ns, late_ns, state, run, valid, values, wrench, frames, serial, events,
+                split=True,
+            )  # fmt: skip
+            return
+        buffer[at : at + len(tail)] = tail
+        at += len(tail)
+        batches, lines, sentences = len(frames), len(serial), len(events)
         if wrench is None:
             six, status, stamp, flags = NO_WRENCH, 0, 0, 0
         else:

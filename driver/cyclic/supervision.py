@@ -45,10 +45,12 @@ class Supervision:
         self._heartbeat_cycles = HEARTBEATS_MISSED * max(
             1, round(installation.cycle.heartbeat_ms * 1e-3 * installation.cycle.rate_hz)
         )
-        self._since_heartbeat = [0] * len(self._names)
+        self._cycle = 0
+        self._heard_at = [0] * len(self._names)
+        """Cycle of each drive's newest heartbeat."""
         self._late_in_a_row = 0
         self._missing: set[int] = set()
-        self._was_faulted: set[int] = set()
+        self._faulted: set[int] = set()
 
     def look(
         self,
@@ -68,8 +70,7 @@ class Supervision:
             found.events.append(sentence)
             found.causes.append(sentence)
             found.recommission = True
-        for i in range(len(self._since_heartbeat)):
-            self._since_heartbeat[i] += 1
+        self._cycle += 1
         if reception.other:
             self._other(reception, found)
         for bus, can_id, length in reception.malformed:
@@ -85,10 +86,10 @@ class Supervision:
 
     def forget(self) -> None:
         """Start anew, after a commissioning or a reset."""
-        self._since_heartbeat = [0] * len(self._names)
+        self._heard_at = [self._cycle] * len(self._names)
         self._late_in_a_row = 0
         self._missing.clear()
-        self._was_faulted.clear()
+        self._faulted.clear()
 
     def _other(self, reception: Reception, found: Findings) -> None:
         for bus, can_id, data in reception.other:
@@ -110,7 +111,7 @@ class Supervision:
                     found.causes.append(found.events[-1])
                     found.recommission |= emergency.code & 0xFF00 in COMMUNICATION_ERRORS
             elif can_id & ~NODES == HEARTBEAT:
-                self._since_heartbeat[joint] = 0
+                self._heard_at[joint] = self._cycle
                 nmt = data[0] & 0x7F if data else -1
                 if nmt == BOOT_UP:
                     found.causes.append(f"{name}: the drive has restarted and lost its configuration")
@@ -120,24 +121,32 @@ class Supervision:
                     found.recommission = True
 
     def _feedback(self, feedback: ArmFeedback, found: Findings) -> None:
-        for i, name in enumerate(self._names):
-            age = feedback.age[i]
-            if age and feedback.seen[i] and i not in self._missing:
-                self._missing.add(i)
-                found.events.append(f"{name}: feedback is missing")
-            elif not age and i in self._missing:
-                self._missing.discard(i)
-                found.events.append(f"{name}: feedback is back")
-            if age == self._limit:
-                found.causes.append(f"{name}: no feedback for {age} cycles")
-                found.recommission = True
-            if self._since_heartbeat[i] == self._heartbeat_cycles:
-                found.causes.append(f"{name}: no heartbeat of the drive for {HEARTBEATS_MISSED} of its periods")
+        overdue = self._cycle - self._heartbeat_cycles
+        for i, age in enumerate(feedback.age):
+            if age or i in self._missing:
+                self._gap(i, age, feedback, found)
+            if self._heard_at[i] == overdue:
+                found.causes.append(
+                    f"{self._names[i]}: no heartbeat of the drive for {HEARTBEATS_MISSED} of its periods"
+                )
                 found.recommission = True
             state = feedback.states[i]
-            if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-                if i not in self._was_faulted:
-                    self._was_faulted.add(i)
-                    found.causes.append(f"{name}: the drive reports {describe_statusword(feedback.statuswords[i])}")
-            elif state is not None:
-                self._was_faulted.discard(i)
+            if state is State.FAULT or state is State.FAULT_REACTION_ACTIVE:
+                if i not in self._faulted:
+                    self._faulted.add(i)
+                    words = describe_statusword(feedback.statuswords[i])
+                    found.causes.append(f"{self._names[i]}: the drive reports {words}")
+            elif state is not None and self._faulted:
+                self._faulted.discard(i)
+
+    def _gap(self, i: int, age: int, feedback: ArmFeedback, found: Findings) -> None:
+        name = self._names[i]
+        if age and feedback.seen[i] and i not in self._missing:
+            self._missing.add(i)
+            found.events.append(f"{name}: feedback is missing")
+        elif not age and i in self._missing:
+            self._missing.discard(i)
+            found.events.append(f"{name}: feedback is back")
+        if age == self._limit:
+            found.causes.append(f"{name}: no feedback for {age} cycles")
+            found.recommission = True

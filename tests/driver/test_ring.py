@@ -44,7 +44,7 @@ def test_a_cycle_comes_back_whole(name: str) -> None:
     wrench = WrenchSample((1.0, -2.0, 3.0, 0.1, 0.2, -0.3), 5, 77, True)
     values = [float(i) for i in range(14)]
     values[1] = math.nan
-    batches = [Batch(0, True, 5, FRAME), Batch(1, False, 6, FRAME + FRAME[::-1])]
+    batches = [(0, True, 5, FRAME), (1, False, 6, FRAME + FRAME[::-1])]
     writer.publish(9, 123, 45, LoopState.HOLDING, 0, 0b10, values, wrench, batches, [(2, b"abc")], ["stopped: α"])
     lost, (cycle,) = reader.cycles()
     assert lost == 0
@@ -85,7 +85,7 @@ def test_an_overtaken_reader_is_told_exactly_how_much_it_lost(name: str) -> None
     writer.close()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     cycles=st.lists(
         st.tuples(
@@ -100,7 +100,7 @@ def test_a_burst_is_spread_over_slots_and_nothing_of_it_is_dropped(
     cycles: list[tuple[list[int], list[int], list[str]]],
 ) -> None:
     name = "ring-burst"
-    writer = RingWriter(name, 2, period_ns=1_000_000, lockstep=False, slots=256)
+    writer = RingWriter(name, 2, period_ns=1_000_000, lockstep=False, slots=128)
     reader = RingReader(name)
     frames, serial, events, number = b"", b"", list[str](), 0
     for k, (batch_sizes, line_sizes, sentences) in enumerate(cycles):
@@ -108,7 +108,7 @@ def test_a_burst_is_spread_over_slots_and_nothing_of_it_is_dropped(
         for size in batch_sizes:
             data = b"".join((number + i).to_bytes(16, "little") for i in range(size))
             number += size
-            batches.append(Batch(0, False, k, data))
+            batches.append((0, False, k, data))
             frames += data
         for size in line_sizes:
             data = bytes((k + i) % 256 for i in range(size))
@@ -134,7 +134,7 @@ def test_a_reader_racing_the_producer_never_sees_a_torn_cycle(name: str) -> None
         writer = RingWriter(sys.argv[1], 7, period_ns=1, lockstep=False, slots=16)
         print("ready", flush=True)
         sys.stdin.readline()
-        for k in range(60_000):
+        for k in range(20_000):
             writer.publish(k, k, k, 4, k, 1, [float(k)] * 49, None, [])
         sys.stdin.readline()
         """
@@ -149,14 +149,15 @@ def test_a_reader_racing_the_producer_never_sees_a_torn_cycle(name: str) -> None
         child.stdin.write("go\n")
         child.stdin.flush()
         seen = lost = 0
-        while seen + lost < 60_000:
+        while seen + lost < 20_000:
             gone, cycles = reader.cycles()
             lost += gone
             for cycle in cycles:
                 k = cycle.index
-                assert k == seen + lost - (len(cycles) - 1 - cycles.index(cycle)) or k >= 0
                 assert cycle.time_ns == cycle.late_ns == cycle.run == k
                 assert set(cycle.q + cycle.tau_ff + cycle.dq_d) == {float(k)}
+            if cycles:
+                assert [c.index for c in cycles] == list(range(seen + lost, seen + lost + len(cycles)))
             seen += len(cycles)
         assert seen > 0
         child.stdin.write("done\n")
@@ -214,9 +215,7 @@ def test_readers_learn_that_the_producer_ended_or_was_killed(name: str) -> None:
         "w = RingWriter(sys.argv[1], 2, period_ns=1, lockstep=False)\n"
         "w.publish(7, 7, 7, 4, 0, 3, [0.0] * 14, None, [])\nprint('ready', flush=True); sys.stdin.read()"
     )
-    producer = subprocess.Popen(
-        [sys.executable, "-c", script, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
+    producer = subprocess.Popen([sys.executable, "-c", script, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert producer.stdout is not None
     with producer:
         producer.stdout.readline()
