@@ -254,6 +254,7 @@ class CyclicLoop:
             mode=machine.mode,
             cause=machine.cause,
             time_ns=self._time_ns,
+            q_d=tuple(machine.q_d),
             q=tuple(fb.q),
             dq=tuple(fb.dq),
             tau=tuple(fb.tau),

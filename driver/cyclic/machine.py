@@ -158,6 +158,11 @@ class ArmMachine:
         return self._answer is not None or self.state in (LoopState.ENABLING, LoopState.PLAYING, LoopState.STOPPING)
 
     @property
+    def q_d(self) -> list[float]:
+        """Position last commanded, rad."""
+        return list(self._q_d)
+
+    @property
     def playing_run(self) -> int:
         """Number of the run whose samples are being commanded, else 0."""
         return self.run.number if self._playing and self.run is not None else 0

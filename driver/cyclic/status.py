@@ -54,6 +54,8 @@ class LoopStatus:
     cause: str | None
     """Why the arm was stopped, while latched or stopping; one sentence."""
     time_ns: int
+    q_d: tuple[float, ...]
+    """Position last commanded, rad: where the arm is told to hold. With the drives off it follows the measured one."""
     q: tuple[float, ...]
     dq: tuple[float, ...]
     tau: tuple[float, ...]
