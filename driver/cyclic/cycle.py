@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 
 class LoopState(IntEnum):
@@ -32,8 +33,7 @@ class WrenchSample:
     fresh: bool
 
 
-@dataclass(frozen=True, slots=True)
-class RawFrame:
+class RawFrame(NamedTuple):
     """One CAN frame as it passed the wire: 16 bytes of struct can_frame. ``sent`` by the host, or received."""
 
     bus: int

@@ -21,6 +21,8 @@ from driver.cyclic.slot import Batch
 
 FEEDBACK_DEADLINE = 0.75
 """Share of the period after which feedback that has not come is missing."""
+GRAIN = 0.06
+"""Share of the period between two looks for feedback that is late: waking at every frame costs more than it gives."""
 LATEST_START = 0.5
 """Share of the period up to which a late cycle still begins; later it is skipped, so two SYNCs are never close."""
 
@@ -128,6 +130,11 @@ class WallClockExchange(Exchange):
         self._deadline_ns = max(int(FEEDBACK_DEADLINE * self.period_ns), self.window_ns)
         self._next_ns = time.monotonic_ns() + self.period_ns
         self._sync_ns = 0
+        self._grain_ns = int(GRAIN * self.period_ns)
+        self._bus_at = {channel.fileno(): bus for bus, channel in enumerate(channels)}
+        self._poll = select.poll()
+        for descriptor in self._bus_at:
+            self._poll.register(descriptor, select.POLLIN)
 
     @property
     def now_ns(self) -> int:
@@ -151,10 +158,8 @@ class WallClockExchange(Exchange):
         stamp = now + self._epoch_ns
         codec = self.codec
         looked_at = len(codec.reception.other)
-        for bus in range(len(self.channels)):
-            if bus not in self.dead:
-                # What is in the socket from before is of the last cycle: recorded, but never this one's feedback.
-                self._drain(bus, stamp)
+        # What is in the sockets from before is of the last cycle: recorded, but never this one's feedback.
+        self._drain_readable(stamp)
         waiting = codec.reception.other[looked_at:]
         codec.begin_cycle(stamp)
         codec.reception.other += waiting
@@ -171,13 +176,18 @@ class WallClockExchange(Exchange):
         deadline = self._sync_ns + self._deadline_ns
         while True:
             now = time.monotonic_ns()
-            for bus in range(len(self.channels)):
-                if bus not in self.dead:
-                    self._drain(bus, now + self._epoch_ns)
+            self._drain_readable(now + self._epoch_ns)
             if self.codec.complete or now >= deadline or self.dead:
                 return
-            # poll() counts whole milliseconds, select() microseconds.
-            select.select(self.channels, [], [], (deadline - now) * 1e-9)
+            time.sleep(min(self._grain_ns, max(0, deadline - now)) * 1e-9)
+
+    def _drain_readable(self, stamp: int) -> None:
+        for descriptor, _ in self._poll.poll(0):
+            bus = self._bus_at[descriptor]
+            if bus not in self.dead:
+                self._drain(bus, stamp)
+                if bus in self.dead:
+                    self._poll.unregister(descriptor)
 
     def command(self, frames: Sequence[bytes | bytearray]) -> None:
         stamp = self.now_ns

@@ -63,7 +63,7 @@ class Supervision:
     ) -> Findings:
         """Judge one cycle. ``punctual``: it began on time, and no cycle was skipped before it.
 
-        ``commanding``: drives are enabled or becoming so; lateness harms nobody otherwise.
+        ``commanding``: drives are enabled or becoming so; lateness and gaps harm nobody otherwise.
         """
         found = Findings()
         for sentence in bus_faults:
@@ -77,7 +77,7 @@ class Supervision:
             found.events.append(
                 f"{self._bus_names[bus]}: a PDO 0x{can_id:03X} of {length} bytes is not as mapped, ignored"
             )
-        self._feedback(feedback, found)
+        self._feedback(feedback, found, commanding=commanding)
         self._late_in_a_row = 0 if punctual or not commanding else self._late_in_a_row + 1
         if self._late_in_a_row >= self._limit:
             found.causes.append(f"{self._late_in_a_row} deadlines were missed in a row; the machine is too busy")
@@ -120,11 +120,11 @@ class Supervision:
                     found.causes.append(f"{name}: the drive has left operation ({NMT_WORDS.get(nmt, nmt)})")
                     found.recommission = True
 
-    def _feedback(self, feedback: ArmFeedback, found: Findings) -> None:
+    def _feedback(self, feedback: ArmFeedback, found: Findings, *, commanding: bool) -> None:
         overdue = self._cycle - self._heartbeat_cycles
         for i, age in enumerate(feedback.age):
             if age or i in self._missing:
-                self._gap(i, age, feedback, found)
+                self._gap(i, age, feedback, found, commanding=commanding)
             if self._heard_at[i] == overdue:
                 found.causes.append(
                     f"{self._names[i]}: no heartbeat of the drive for {HEARTBEATS_MISSED} of its periods"
@@ -139,7 +139,7 @@ class Supervision:
             elif state is not None and self._faulted:
                 self._faulted.discard(i)
 
-    def _gap(self, i: int, age: int, feedback: ArmFeedback, found: Findings) -> None:
+    def _gap(self, i: int, age: int, feedback: ArmFeedback, found: Findings, *, commanding: bool) -> None:
         name = self._names[i]
         if age and feedback.seen[i] and i not in self._missing:
             self._missing.add(i)
@@ -147,6 +147,6 @@ class Supervision:
         elif not age and i in self._missing:
             self._missing.discard(i)
             found.events.append(f"{name}: feedback is back")
-        if age == self._limit:
+        if age >= self._limit and commanding:
             found.causes.append(f"{name}: no feedback for {age} cycles")
             found.recommission = True
