@@ -17,6 +17,8 @@ from service.answers import finite
 from service.sessions.store import write_atomically
 
 STDOUT = "-"
+WIDTH = 180
+"""Columns of what is written into a file or a pipe."""
 
 
 def say(sentence: str) -> None:
@@ -38,7 +40,7 @@ def publish(answer: Mapping[str, Any], json_to: str | None, *shown: RenderableTy
             write_atomically(Path(json_to), text + "\n")
         except OSError as error:
             raise InputError(json_to, f"the answer cannot be written here ({error.strerror})") from None
-    console = Console(highlight=False, markup=False, soft_wrap=not sys.stdout.isatty())
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else WIDTH)
     for item in shown:
         console.print(item)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
@@ -12,6 +12,7 @@ from config import InputError
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
 from service.cli.options import ArmOption, AttachedOption, JsonOption
+from service.identification.request import EstimatorName, LinksRequest, as_paths
 
 app = typer.Typer(help="Identify inertial parameters.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -22,7 +23,7 @@ def identify() -> None:
 
 
 EstimatorOption = Annotated[
-    Literal["least_squares", "weighted", "whitened", "instrumental_variables"],
+    EstimatorName,
     typer.Option("--estimator", help="How the equations are weighted."),
 ]
 
@@ -95,12 +96,11 @@ def _from_recordings(
     arm: str | None,
     hold: list[str],
     topic: str,
-    estimator: Any,
+    estimator: EstimatorName,
     band_hz: float | None,
     out: Path | None,
 ) -> dict[str, Any]:
     from service.identification.arm_source import parse_holds
-    from service.identification.links import LinksRequest, as_paths
     from service.identification.links import identify as identify_from
 
     request = LinksRequest(

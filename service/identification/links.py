@@ -5,38 +5,24 @@ The same function serves the command line, in its own process, and the daemon, i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from config import InputError, load_installation
 from driver.recording import Recording
 from estimator.identification import LinkIdentification
-from estimator.links import Estimator, LinkOptions, identify_links
+from estimator.links import LinkOptions, identify_links
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, of_installation
 from service.identification.model_file import write_link_model
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
+from service.identification.request import LinksRequest
 from service.reports.torque_plot import plot_torques
 
 Tell = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class LinksRequest:
-    """What to identify from what. ``arm``: a configured name, an installation or URDF file, or None for the arm that
-    the recordings carry. ``directory`` takes ``links.toml`` and ``torques.png``."""
-
-    recordings: tuple[Path, ...]
-    directory: Path
-    hold_out: tuple[Path, ...] = ()
-    arm: str | None = None
-    hold: Mapping[str, float] = field(default_factory=dict)
-    topic: str = "/joint_states"
-    estimator: Estimator = "weighted"
-    band_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,8 +100,3 @@ def _recorded_arm(recording: Recording, path: Path) -> ArmSource:
         raise InputError(
             str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
         ) from None
-
-
-def as_paths(given: Sequence[str]) -> tuple[Path, ...]:
-    """Paths as given on a command line, absolute, so that any process can read them."""
-    return tuple(Path(text).absolute() for text in given)

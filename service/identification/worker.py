@@ -10,7 +10,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from service.identification.links import LinksRequest, identify
+from service.identification.request import LinksRequest
 
 NICENESS = 10
 """Estimation must not compete with the cyclic loop for a processor."""
@@ -52,6 +52,8 @@ async def in_worker(request: LinksRequest, tell: Callable[[str, float], None]) -
 def _work(connection: Connection, request: LinksRequest) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
+    from service.identification.links import identify  # numerical libraries are loaded here, not in the daemon
+
     try:
         outcome = identify(request, lambda stage, share: connection.send(("progress", (stage, share))))
     except Exception as error:

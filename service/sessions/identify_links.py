@@ -11,8 +11,7 @@ from config import InputError, Installation
 from config.motion import check_motion, load_motion, sample
 from config.schema import Mode
 from driver.plan import Controller, Plan
-from estimator.links import Estimator
-from service.identification.links import LinksRequest
+from service.identification.request import EstimatorName, LinksRequest
 from service.identification.worker import in_worker
 from service.sessions.moving import MovingArm, plan_of
 from service.sessions.procedure import Tell
@@ -30,7 +29,7 @@ class IdentifyLinksArguments(BaseModel):
     hold_out_motions: tuple[str, ...] = ()
     mode: Mode = "csp"
     controller: Controller = "pd"
-    estimator: Estimator = "weighted"
+    estimator: EstimatorName = "weighted"
     band_hz: float | None = None
 
 

@@ -33,14 +33,10 @@ class MovingArm:
         self.installation = installation
         self.loop = loop
         self.recorder = recorder
-        self._held: Array = np.full(len(installation.joint), np.nan)
-        """Where the arm is told to hold [rad]; gravity takes the measured position a little off it."""
 
     async def enable(self, mode: Mode) -> None:
         """Enable all drives; the arm holds where it is."""
         await asyncio.to_thread(self.loop.enable, mode)
-        status = await asyncio.to_thread(self.loop.status)
-        self._held = np.array(status.q)
 
     async def disable(self) -> None:
         await asyncio.to_thread(self.loop.disable)
@@ -51,9 +47,11 @@ class MovingArm:
     async def go_to(self, q: Sequence[float] | Array, mode: Mode, progress: Callable[[float], None]) -> None:
         """Move from where the arm holds to ``q`` [rad] and wait. Raises ArmStopped when it does not arrive."""
         goal = np.asarray(q, dtype=float)
-        if np.max(np.abs(goal - self._held)) < ALREADY_THERE_RAD:
+        # From the commanded position: gravity takes the measured one a little off it.
+        held = np.array((await asyncio.to_thread(self.loop.status)).q_d)
+        if np.max(np.abs(goal - held)) < ALREADY_THERE_RAD:
             return
-        motion = point_to_point(self._held, goal, self.installation)
+        motion = point_to_point(held, goal, self.installation)
         plan = Plan(motion.q, motion.dq, motion.ddq, mode=mode, controller="pd", name="to the start")
         await self._play(plan, progress)
 
@@ -80,7 +78,6 @@ class MovingArm:
             if status.last_run != run:
                 raise ArmStopped(f"run {run} was replaced by run {status.last_run} before it ended")
             if status.run_outcome == "done":
-                self._held = plan.q[-1]
                 progress(1.0)
                 return
             if status.run_outcome is not None:

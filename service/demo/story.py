@@ -1,0 +1,111 @@
+"""`etude demo`: stand-in arm and daemon as processes, the thesis' motions over the bus, the links identified, compared.
+
+The same commands do each step alone: etude up --virtual --lockstep, etude identify links, etude identify links FILE….
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import RenderableType
+
+from config import InputError, load_installation
+from service.cli.console import progress, say
+from service.daemon.client import DaemonClient
+from service.demo.real_arm import identify_real_arm
+from service.demo.thesis_tables import beside_the_tables, comparison_table
+from service.identification.links import LinksOutcome, identify
+from service.identification.request import LinksRequest
+from service.outcomes import ArmStopped
+from service.reports.link_tables import link_report
+from service.supervision import StartFailed, SupervisedProcess
+
+ARM = "dda"
+HELD_OUT = ("dda-practice",)
+"""Table 6.1's motion: nothing of it is in the three that are learnt from."""
+READY_TIMEOUT_S = 60.0
+
+
+def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[RenderableType]]:
+    """The whole story; everything it leaves is under ``out``. Returns the answer, and what to show of it.
+
+    Raises InputError when ``out`` cannot be made, ArmStopped when a process fails or the arm stops.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(out), f"cannot be made ({error.strerror})", "choose another --out") from None
+    say(f"1. the {ARM} stand-in arm and the daemon come up as processes of their own")
+    with _brought_up(out, lockstep=lockstep) as run:
+        say("2. the thesis' three identification motions, and one to be judged on, go over the CAN bus to the drives")
+        with DaemonClient(run, ARM) as daemon, progress() as tell:
+            session = daemon.call(
+                "identify_links",
+                {"hold_out_motions": list(HELD_OUT)},
+                lambda news: tell(news["stage"], news["share"]) if news["stage"] else None,
+            )
+    say("3. the links are identified from the recordings")
+    outcome = _identified(session, out)
+    rows = beside_the_tables(outcome.result)
+    say("4. the same identification on a recording of a real arm")
+    real = identify_real_arm(out)
+    shown: list[RenderableType] = [comparison_table(rows), *link_report(outcome.answer)[2:-2], *real.shown]
+    shown += _places(session, outcome)
+    answer = {
+        "links": outcome.answer,
+        "beside_the_thesis": rows,
+        "real_arm": real.answer,
+        "recordings": session["recordings"],
+        "session": session["session"],
+        "out": str(out),
+    }
+    return answer, shown
+
+
+def _identified(session: dict[str, Any], out: Path) -> LinksOutcome:
+    """From the recordings alone, as `etude identify links RECORDING…` does: the answer must not need the daemon."""
+    recordings = [Path(path) for path in session["recordings"]]
+    learnt, held_out = recordings[: -len(HELD_OUT)], recordings[-len(HELD_OUT) :]
+    return identify(LinksRequest(tuple(learnt), out, hold_out=tuple(held_out), arm=ARM))
+
+
+@contextmanager
+def _brought_up(out: Path, *, lockstep: bool) -> Iterator[Path]:
+    """The stand-in arm and the daemon, ready; yields their run directory. Both are ended in order afterwards."""
+    installation = load_installation(ARM)
+    time = ["--lockstep"] if lockstep else []
+    with ExitStack() as stack:
+        # Sockets need a short path, which ``out`` need not be.
+        run = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="etude-demo-")))
+        log = stack.enter_context((out / "processes.log").open("wb"))
+        environment = {"ETUDE_RUN": str(run), "ETUDE_STATE": str(out)}
+        for name in ("virtual", "daemon"):
+            process = SupervisedProcess(
+                [name, "--config", str(installation.path), *time], environment, log=log.fileno()
+            )
+            stack.callback(process.stop)
+            try:
+                process.wait_ready(READY_TIMEOUT_S)
+            except StartFailed as failure:
+                log.flush()
+                last = (out / "processes.log").read_text(errors="replace").strip().splitlines()[-1:]
+                raise ArmStopped(f"{failure}: {''.join(last) or 'it said nothing'}") from None
+            say(f"   etude {name}: ready, process {process.process.pid}")
+        yield run
+
+
+def _places(session: dict[str, Any], outcome: LinksOutcome) -> list[RenderableType]:
+    relative = os.path.relpath
+    lines: list[RenderableType] = ["", "Everything is kept:"]
+    lines += [f"  recording  {relative(path)}" for path in session["recordings"]]
+    lines += [
+        f"  model      {relative(outcome.model)}",
+        f"  plot       {relative(outcome.plot)}",
+        "The recordings open as they are in Foxglove, PlotJuggler and ros2 bag.",
+    ]
+    return lines
