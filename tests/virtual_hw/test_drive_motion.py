@@ -106,7 +106,7 @@ def test_velocity_offset_is_the_velocity_reference_where_it_is_mapped(bench: Any
 def test_targets_are_interpolated_over_the_period(bench: Any) -> None:
     enabled(bench, 8)
     bench.write(0x60C2, 1, 4, 1)
-    servo = bench.node.axis._servo
+    servo = bench.node.axis.motion.servo
     begin = bench.arm.counts(0)
     bench.send(0x201, struct.pack("<Hih", 0x0F, begin + 80, 0))
     bench.run(0.2)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from config.schema import Joint
 from virtual_hw.drive.aborts import Abort, SdoAbort
 from virtual_hw.drive.emergency import Emergencies, ErrorCode
+from virtual_hw.drive.motion import INTERNAL_LIMIT, Motion
 from virtual_hw.drive.objects import ObjectStore
-from virtual_hw.drive.servo import SETTLE_NS, Mode, Servo
+from virtual_hw.drive.servo import Mode
 from virtual_hw.drive.states import (
     DE_ENERGISED_TRANSITIONS,
     ENERGISED,
@@ -23,13 +23,9 @@ from virtual_hw.drive.states import (
 _VOLTAGE_ENABLED = 0x0010
 _REMOTE = 0x0200
 _TARGET_REACHED = 0x0400
-_INTERNAL_LIMIT = 0x0800
-_FOLLOWING = 0x1000
-_FOLLOWING_ERROR = 0x2000
 _ALWAYS = _VOLTAGE_ENABLED | _REMOTE
 _RUN = 0x000F
 """The controlword of an axis that is enabled and told nothing else."""
-_UNSUPERVISED = 0xFFFF_FFFF
 
 _STAYING_QUICK_STOPS = (5, 6, 7, 8)
 _BLOCKING = frozenset({ErrorCode.HEARTBEAT_LOST, 0x8120})
@@ -37,7 +33,7 @@ _BLOCKING = frozenset({ErrorCode.HEARTBEAT_LOST, 0x8120})
 
 
 class Axis:
-    """State machine, mode, limits and servo of one axis.
+    """State machine and mode of one axis; `motion` moves it.
 
     `tick` takes what the drive senses and gives the torque it demands. All in the drive's own direction: counts,
     counts/s, N·m at the joint; the installation's `rated_torque_nm` is 1000 ‰.
@@ -47,44 +43,24 @@ class Axis:
         self.state = PowerState.SWITCH_ON_DISABLED
         self.brake = True
         """Whether the holding brake is applied."""
-        self.velocity_offset_mapped: Callable[[], bool] = lambda: False
-        """Whether the host commands 60B1; without it the velocity reference is the slope of 607A."""
-        self._store, self._values = store, store.values
+        self.motion = Motion(store, joint, tick_ns)
+        self._values = store.values
         self._emergencies = emergencies
-        self._tick_ns = tick_ns
-        self._rated_nm = joint.rated_torque_nm
-        self._servo = Servo(joint.encoder.counts_per_turn, tick_ns)
         self._torque = 0.0
-        self._stop_deceleration = math.inf
-        self._rest_ns = 0
         self._stopping_to: PowerState | None = None
         self._halted = False
         self._quick_stop_option = 0
         self._reset_bit = True
-        self._following_ns = 0
-        self._fresh = self._commanded = False
-        self._limited = False
+        self._commanded = False
         slot = store.slot
         self._controlword, self._statusword = slot(0x6040), slot(0x6041)
         self._mode_set, self._mode = slot(0x6060), slot(0x6061)
         self._position, self._speed = slot(0x6064), slot(0x606C)
-        self._target_torque, self._max_torque = slot(0x6071), slot(0x6072)
-        self._target_position = slot(0x607A)
-        self._low, self._high = slot(0x607D, 1), slot(0x607D, 2)
-        self._max_speed = slot(0x6080)
-        self._velocity_offset, self._torque_offset = slot(0x60B1), slot(0x60B2)
-        self._target_velocity = slot(0x60FF)
-        self._window, self._window_ms = slot(0x6065), slot(0x6066)
+        self._supported = slot(0x6502)
         self._options = {index: slot(index) for index in (0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E)}
-        self._profile_deceleration, self._quick_deceleration = slot(0x6084), slot(0x6085)
         store.guards[0x6060, 0] = self._guard_mode
         store.effects[0x6060, 0] = lambda _: self.select_mode()
         store.effects[0x6040, 0] = lambda _: self.new_command()
-        store.effects[0x607A, 0] = lambda _: self.new_setpoint()
-        for subindex in (1, 2):
-            store.effects[0x2100, subindex] = lambda _: self._take_gains()
-            store.effects[0x60C2, subindex] = lambda _: self._take_period()
-        store.sources[0x60F4, 0] = self._following_error
         self.power_on()
 
     def power_on(self) -> None:
@@ -95,14 +71,9 @@ class Axis:
         self._stopping_to = None
         self._halted = False
         self._reset_bit = True
-        self._take_gains()
-        self._take_period()
+        self.motion.configure()
         self.select_mode()
         self._show(0)
-
-    def new_setpoint(self) -> None:
-        """The host's targets are valid from now on; taken up on the next tick."""
-        self._fresh = True
 
     def new_command(self) -> None:
         """The host has sent a controlword: only a new one, not the old one still standing, leaves a quick stop."""
@@ -182,12 +153,10 @@ class Axis:
         torque = 0.0
         if self.state in ENERGISED:
             torque, status = self._control(counts, velocity)
-        self._fresh = self._commanded = False
+        self._commanded = False
         self._torque = torque
         self._show(status)
         return torque
-
-    # --- state machine
 
     def _command_enabled(self, command: Command, controlword: int) -> None:
         self._reset_bit = bool(controlword & FAULT_RESET)
@@ -277,40 +246,31 @@ class Axis:
     def _show(self, status: int) -> None:
         self._values[self._statusword] = self.state | _ALWAYS | status
 
-    # --- motion
-
     def _begin_following(self) -> None:
         self._halted = False
         self._stopping_to = None
-        self._following_ns = 0
-        self._servo.rest_at(self._values[self._position])
+        self.motion.begin_following()
 
     def _begin_stop(self, option: int) -> None:
-        """Start stopping: option 1 slows down on the profile ramp, 2 on the quick-stop ramp, 3 and 4 at the limits."""
-        values = self._values
-        slot = {1: self._profile_deceleration, 2: self._quick_deceleration}.get(option)
-        self._stop_deceleration = math.inf if slot is None else float(values[slot])
-        self._rest_ns = 0
-        self._servo.begin_stop(values[self._position], values[self._speed], self._torque)
+        self.motion.begin_stop(option, self._torque)
 
     def _control(self, counts: int, velocity: float) -> tuple[float, int]:
-        """(torque, status bits) of an energised state; leaves it when a stop has come to rest."""
-        values = self._values
-        limit = self._rated_nm * values[self._max_torque] * 1e-3
-        status = 0
+        """(torque, status bits) of an energised state; leaves it on a fault, or when a stop has come to rest."""
+        motion = self.motion
         if self.state is PowerState.OPERATION_ENABLED and self._stopping_to is None and not self._halted:
-            torque, status = self._follow(counts, velocity)
+            torque, status = motion.follow(counts, velocity)
+            if motion.fault is not None:
+                self.fault(motion.fault)
         else:
-            torque = self._servo.stop(self._stop_deceleration, counts, velocity, limit)
-            if self._servo.velocity == 0.0:
-                self._rest_ns += self._tick_ns
-            if self._rest_ns >= SETTLE_NS:
-                status = _TARGET_REACHED
+            torque, resting = motion.stop(counts, velocity)
+            status = _TARGET_REACHED if resting else 0
+            if resting:
                 self._came_to_rest()
         if self.state not in ENERGISED:
             return 0.0, 0
+        limit = motion.limit_nm
         if abs(torque) > limit:
-            return math.copysign(limit, torque), status | _INTERNAL_LIMIT
+            return math.copysign(limit, torque), status | INTERNAL_LIMIT
         return torque, status
 
     def _came_to_rest(self) -> None:
@@ -322,72 +282,12 @@ class Axis:
         elif self._stopping_to is not None:
             self._power_off(self._stopping_to)  # 5, 8
 
-    def _follow(self, counts: int, velocity: float) -> tuple[float, int]:
-        values = self._values
-        offset = values[self._torque_offset] * 1e-3 * self._rated_nm
-        mode = values[self._mode]
-        if mode == Mode.CSP:
-            return self._follow_position(counts, velocity, offset)
-        low, high = values[self._low], values[self._high]
-        if low < high and not low <= counts <= high:
-            self.fault(ErrorCode.REFERENCE_LIMIT)
-            return (self._servo.stop(self._stop_deceleration, counts, velocity, math.inf), 0)
-        top = values[self._max_speed]
-        if mode == Mode.CST:
-            torque = values[self._target_torque] * 1e-3 * self._rated_nm + offset
-            if abs(velocity) > top and torque * velocity > 0.0:
-                return 0.0, _FOLLOWING | _INTERNAL_LIMIT
-            return torque, _FOLLOWING
-        target = values[self._target_velocity] + values[self._velocity_offset]
-        status = _FOLLOWING
-        if abs(target) > top:
-            target, status = int(math.copysign(top, target)), status | _INTERNAL_LIMIT
-        return self._servo.follow_velocity(target, offset, counts, velocity), status
-
-    def _follow_position(self, counts: int, velocity: float, offset: float) -> tuple[float, int]:
-        values, servo = self._values, self._servo
-        status = _FOLLOWING
-        if self._fresh:
-            target = values[self._target_position]
-            low, high = values[self._low], values[self._high]
-            if low < high and not low <= target <= high:
-                target, self._limited = (low if target < low else high), True
-            else:
-                self._limited = False
-            servo.aim(target, values[self._velocity_offset] if self.velocity_offset_mapped() else None, offset)
-        if self._limited:
-            status |= _INTERNAL_LIMIT
-        torque = servo.follow(counts, velocity)
-        window = values[self._window]
-        if window != _UNSUPERVISED and abs(servo.position - counts) > window:
-            status |= _FOLLOWING_ERROR
-            self._following_ns += self._tick_ns
-            if self._following_ns > values[self._window_ms] * 1_000_000:
-                self.fault(ErrorCode.FOLLOWING_ERROR)
-        else:
-            self._following_ns = 0
-        return torque, status
-
-    # --- objects
-
     def _option(self, index: int) -> int:
         return self._values[self._options[index]]
 
     def _supports(self, mode: int) -> bool:
-        return mode in (Mode.CSP, Mode.CSV, Mode.CST) or mode == Mode.NONE
+        return mode == Mode.NONE or (mode in tuple(Mode) and bool(self._values[self._supported] >> mode - 1 & 1))
 
     def _guard_mode(self, value: int) -> None:
         if not self._supports(value):
             raise SdoAbort(Abort.VALUE)
-
-    def _take_gains(self) -> None:
-        store = self._store
-        self._servo.set_gains(store.values[store.slot(0x2100, 1)], store.values[store.slot(0x2100, 2)])
-
-    def _take_period(self) -> None:
-        store = self._store
-        value, exponent = store.values[store.slot(0x60C2, 1)], store.values[store.slot(0x60C2, 2)]
-        self._servo.set_period(min(value * 10.0**exponent, 1.0))
-
-    def _following_error(self) -> int:
-        return round(self._servo.position) - self._values[self._position]

@@ -62,8 +62,6 @@ class DriveNode:
         self._sdo = SdoServer(self.store)
         self._emergencies = Emergencies(self.store, self._send_emergency)
         self.axis = Axis(self.store, joint, tick_ns, self._emergencies)
-        self.axis.velocity_offset_mapped = lambda: self._velocity_offset_mapped
-        self._velocity_offset_mapped = False
         self._heartbeats = Heartbeats(self.store, bus, self.controller, self._send_heartbeat, self._heartbeat_lost)
         self._rpdos = [ReceivePdo(self.store, k, self._length_error) for k in range(4) if self.store.has(0x1400 + k, 1)]
         self._tpdos = [
@@ -184,7 +182,7 @@ class DriveNode:
         self._timed_rpdos = [pdo for pdo in rpdos if pdo.timeout_ns]
         self._sync_tpdos = [pdo for pdo in tpdos if pdo.synchronous]
         self._event_tpdos = [pdo for pdo in tpdos if pdo.event_driven]
-        self._velocity_offset_mapped = any(0x60B1 in pdo.indices for pdo in rpdos)
+        self.axis.motion.velocity_offset_mapped = any(0x60B1 in pdo.indices for pdo in rpdos)
 
     def _listen(self, can_id: int, handler: FrameHandler) -> None:
         self._heard.append((can_id, handler))
@@ -217,7 +215,7 @@ class DriveNode:
                 self._commanded(rpdo)
 
     def _commanded(self, rpdo: ReceivePdo) -> None:
-        self.axis.new_setpoint()
+        self.axis.motion.new_setpoint()
         if 0x6040 in rpdo.indices:
             self.axis.new_command()
         if 0x6060 in rpdo.indices:
