@@ -82,11 +82,7 @@ def nearest_consistent(base: BaseParameters, beta: Array, covariance: Array, pri
 
     Raises InputError when the prior has a link without mass.
     """
-    links = np.reshape(prior, (-1, 10))
-    for number, link in enumerate(links, 1):
-        if not link[0] > 0.0:
-            raise InputError("URDF", f"link {number} has no mass", "give every moving link an inertial element")
-    anchors = [_made_definite(pseudo_inertia(link)) for link in links]
+    anchors = [_made_definite(pseudo) for pseudo in _with_mass(prior)]
     known = np.isfinite(np.diag(covariance))
     whitener = _whitener(covariance[np.ix_(known, known)])
     combination, target = whitener @ base.combination[known], whitener @ beta[known]
@@ -144,6 +140,27 @@ class _Divergence:
             spread = own @ _UNITS
             hessian[span, span] = np.einsum("iab,jba->ij", spread, spread)
         return gradient, hessian
+
+
+def prior_precision(prior: Array, tolerance: float) -> Array:
+    """Inverse covariance (10·n, 10·n) of parameters that are believed to be ``prior`` within a relative ``tolerance``.
+
+    The divergence's curvature at the prior: the same belief in any unit or frame. A mass alone has the standard
+    deviation tolerance·m, a centre of mass that fraction of the body's radius of gyration.
+    Raises InputError when a link has no mass.
+    """
+    anchors = [_made_definite(pseudo) for pseudo in _with_mass(prior)]
+    divergence = _Divergence([np.asarray(np.linalg.inv(anchor), dtype=float) for anchor in anchors])
+    _, curvature = divergence.derivatives(np.concatenate([parameters_of(anchor) for anchor in anchors]))
+    return curvature / tolerance**2
+
+
+def _with_mass(prior: Array) -> list[Array]:
+    links = np.reshape(prior, (-1, 10))
+    for number, link in enumerate(links, 1):
+        if not link[0] > 0.0:
+            raise InputError("URDF", f"link {number} has no mass", "give every moving link an inertial element")
+    return [pseudo_inertia(link) for link in links]
 
 
 def consistent_parameters(found: LinkIdentification, prior: Array | None = None) -> ConsistentParameters:

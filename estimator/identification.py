@@ -63,7 +63,7 @@ class LinkIdentification:
     status: str
     """``identified``, ``too little motion`` or ``too little data``."""
     warnings: tuple[str, ...] = ()
-    tests: dict[str, Any] = field(default_factory=dict)
+    tests: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     @property
     def beta(self) -> Array:

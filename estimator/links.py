@@ -4,41 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
 from estimator.base_parameters import base_parameters
+from estimator.estimation import Estimate, Estimator, Prior, estimate
 from estimator.filtering import motion_band
 from estimator.identification import Fit, LinkIdentification, TorqueResidual
-from estimator.normal_equations import (
-    NormalEquations,
-    Solution,
-    assemble,
-    excited,
-    residual_autocovariance,
-    solve,
-    torque_power,
-)
+from estimator.normal_equations import assemble, residual_autocovariance, torque_power
 from estimator.rigid_body import RigidBody
 from estimator.rows import Layout, friction_widths, make_layout, sum_up
 from estimator.sums import Sums
 from estimator.terms import TERM_NAMES, TermName, candidate_terms
 from estimator.trajectory import Trajectory
-from estimator.whitening import white_weight, whitening_weight
+from estimator.whitening import white_weight
 
 Array = NDArray[np.float64]
 
-Estimator = Literal["least_squares", "weighted", "whitened", "instrumental_variables"]
+__all__ = ["Estimator", "LinkOptions", "Prior", "identify_links"]
 
 _BAND_OVER_MOTION = 10.0
 """The torque of a motion holds harmonics of its velocity; ten times its band keeps them."""
 _LEAST_BAND, _WIDEST_BAND = 5.0, 25.0
 """Hz. Above some 25 Hz arms swing on their joints and are no rigid bodies."""
-_EXCITED = 1e-6
-_REWEIGHTINGS = 3
 
 
 @dataclass(frozen=True)
@@ -57,6 +47,7 @@ def identify_links(
     trajectories: Sequence[Trajectory],
     options: LinkOptions | None = None,
     hold_out: Sequence[Trajectory] = (),
+    prior: Prior | None = None,
 ) -> LinkIdentification:
     """Base parameters, friction, rotor inertias and offsets with standard errors.
 
@@ -64,7 +55,8 @@ def identify_links(
     residual, iteratively; ``whitened`` also whitens the residual's colour, which is best when noise and not the model's
     faults make the residual; ``instrumental_variables`` is weighted and takes the regressor of the commanded motion
     as instruments, so that noise in angles and velocities does not bias the answer; all trajectories must then
-    have `Trajectory.q_desired`.
+    have `Trajectory.q_desired`, and ``tests`` says whether that noise mattered (Durbin–Wu–Hausman). With a ``prior``,
+    what the motion tells badly stays near it: for short motions of arms with many joints.
 
     Raises InputError for recordings that do not fit the arm, or have no usable motion.
     """
@@ -76,14 +68,14 @@ def identify_links(
     by_instruments = options.estimator == "instrumental_variables"
     layout = make_layout(body, base, candidates, instruments=by_instruments)
     sums = sum_up(layout, trajectories, band)
-    if sums.rows < 2 * layout.size / body.n:
+    if sums.rows * body.n < 2 * layout.size and (prior is None or not sums.rows):
         raise InputError(
             "recordings",
             f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns at {band:.3g} Hz",
             "record longer motion",
         )
-    chosen, solution = _estimate(layout, sums, options, by_instruments)
-    return _result(layout, sums, options, hold_out, band, chosen, solution, _warnings(trajectories))
+    found = estimate(layout, sums, options.estimator, options.select_terms, prior)
+    return _result(layout, sums, options, hold_out, band, found, _warnings(trajectories))
 
 
 def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
@@ -115,88 +107,16 @@ def _warnings(trajectories: Sequence[Trajectory]) -> list[str]:
     return result
 
 
-def _estimate(layout: Layout, sums: Sums, options: LinkOptions, by_instruments: bool) -> tuple[list[int], Solution]:
-    """Chosen unknowns, and their solution."""
-    power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
-    weights = np.array([white_weight(p) for p in power])
-    equations = assemble(layout, sums, weights)
-    chosen = _one_width_a_joint(layout, equations, excited(equations, layout.base.rank, _EXCITED))
-    if options.estimator != "least_squares":
-        weights = _reweighted(layout, sums, chosen, weights, options.estimator == "whitened")
-    else:
-        weights = np.array([white_weight(1.0)] * layout.body.n)
-    equations = assemble(layout, sums, weights, by_instruments)
-    if options.select_terms:
-        chosen = _supported(layout, equations, chosen, sums.rows * layout.body.n)
-        if options.estimator != "least_squares":
-            weights = _reweighted(layout, sums, chosen, weights, options.estimator == "whitened")
-            equations = assemble(layout, sums, weights, by_instruments)
-    return chosen, solve(equations.of(chosen))
-
-
-def _reweighted(layout: Layout, sums: Sums, chosen: list[int], weights: Array, whiten: bool) -> Array:
-    """Weights from the residuals of the weighted solution, a few times over."""
-    for _ in range(_REWEIGHTINGS):
-        equations = assemble(layout, sums, weights).of(chosen)
-        unknowns = np.zeros(layout.size)
-        unknowns[chosen] = np.linalg.solve(equations.matrix.sum(axis=0), equations.right.sum(axis=0))
-        covariance = residual_autocovariance(layout, sums.batches, unknowns)
-        floor = 1e-14 * torque_power(layout, sums.batches) + np.finfo(float).tiny
-        covariance[:, 0] = np.maximum(covariance[:, 0], floor)
-        free = max(1.0, sums.rows - len(chosen) / layout.body.n) / sums.rows
-        covariance /= free
-        weights = np.array([whitening_weight(row, sums.rows) if whiten else white_weight(row[0]) for row in covariance])
-    return weights
-
-
-def _one_width_a_joint(layout: Layout, equations: NormalEquations, chosen: list[int]) -> list[int]:
-    """Of the friction sigmoids of a joint only the one that fits best, others as they are."""
-    place = layout.base.rank
-    total, right = equations.matrix.sum(axis=0), equations.right.sum(axis=0)
-    for terms in layout.terms:
-        widths = [place + k for k, term in enumerate(terms) if term.name == "coulomb_friction"]
-        place += len(terms)
-        gain: dict[int, float] = {}
-        for width in widths:
-            if width in chosen:
-                trial = [k for k in chosen if k not in widths or k == width]
-                solution = np.linalg.solve(total[np.ix_(trial, trial)], right[trial])
-                gain[width] = float(right[trial] @ solution)
-        best = max(gain, key=lambda k: gain[k], default=-1)
-        chosen = [k for k in chosen if k not in widths or k == best]
-    return chosen
-
-
-def _supported(layout: Layout, equations: NormalEquations, chosen: list[int], rows: int) -> list[int]:
-    """Drops terms, the least supported first, until each one's squared t-value exceeds log(rows).
-
-    That is the Bayesian information criterion with the colour of the noise in the standard errors.
-    """
-    threshold = np.log(rows)
-    while True:
-        solution = solve(equations.of(chosen))
-        support = {
-            k: float(solution.value[j] ** 2 / solution.covariance[j, j])
-            for j, k in enumerate(chosen)
-            if k >= layout.base.rank
-        }
-        weakest = min(support, key=lambda k: support[k], default=-1)
-        if weakest < 0 or support[weakest] > threshold:
-            return chosen
-        chosen = [k for k in chosen if k != weakest]
-
-
 def _result(
     layout: Layout,
     sums: Sums,
     options: LinkOptions,
     hold_out: Sequence[Trajectory],
     band: float,
-    chosen: list[int],
-    solution: Solution,
+    found: Estimate,
     warnings: list[str],
 ) -> LinkIdentification:
-    rank = layout.base.rank
+    rank, chosen, solution = layout.base.rank, found.chosen, found.solution
     all_terms = [term for terms in layout.terms for term in terms]
     kept_terms = [k for k in chosen if k >= rank]
     reported = [*range(rank), *kept_terms]
@@ -205,8 +125,7 @@ def _result(
     covariance[np.ix_(chosen, chosen)] = solution.covariance
     missing = [layout.base.names[k] for k in range(rank) if k not in chosen]
     plain = assemble(layout, sums, np.array([white_weight(1.0)] * layout.body.n))
-    information = plain.of([k for k in chosen if k < rank]).matrix.sum(axis=0)
-    eigenvalues = np.linalg.eigvalsh(information)
+    eigenvalues = np.linalg.eigvalsh(plain.of([k for k in chosen if k < rank]).total)
     status = "identified"
     if missing:
         status = "too little motion"
@@ -233,7 +152,16 @@ def _result(
         hold_out=held_out,
         status=status,
         warnings=tuple(warnings),
+        tests=_tests(layout, found),
     )
+
+
+def _tests(layout: Layout, found: Estimate) -> dict[str, dict[str, float | str]]:
+    if found.hausman is None:
+        return {}
+    terms = [f"{term.name} of {layout.body.joints[term.joint]}" for terms in layout.terms for term in terms]
+    differs_most = [*layout.base.names, *terms][found.hausman.unknown]
+    return {"durbin_wu_hausman": {"p_value": found.hausman.p_value, "differs_most": differs_most}}
 
 
 def _idle_joints(layout: Layout, missing: list[str]) -> str:

@@ -16,14 +16,43 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Per batch: ``matrix`` (batches, P, P) · unknowns = ``right`` (batches, P). Symmetric without instruments."""
+    """Per batch: ``matrix`` (batches, P, P) · unknowns = ``right`` (batches, P). Symmetric without instruments.
+
+    ``prior_matrix`` (P, P) and ``prior_right`` (P,) are what was known beforehand, the same whichever batches count.
+    """
 
     matrix: Array
     right: Array
+    prior_matrix: Array
+    prior_right: Array
+
+    @property
+    def total(self) -> Array:
+        """(P, P)"""
+        return np.asarray(self.matrix.sum(axis=0) + self.prior_matrix)
+
+    @property
+    def total_right(self) -> Array:
+        """(P,)"""
+        return np.asarray(self.right.sum(axis=0) + self.prior_right)
 
     def of(self, chosen: list[int]) -> NormalEquations:
         """The same for some of the unknowns, the others being zero."""
-        return NormalEquations(self.matrix[:, chosen][:, :, chosen], self.right[:, chosen])
+        square = np.ix_(chosen, chosen)
+        return NormalEquations(
+            self.matrix[:, chosen][:, :, chosen],
+            self.right[:, chosen],
+            self.prior_matrix[square],
+            self.prior_right[chosen],
+        )
+
+    def with_prior(self, precision: Array, mean: Array) -> NormalEquations:
+        """What was known of the first unknowns: ``mean`` (k,) with inverse covariance ``precision`` (k, k)."""
+        k = len(mean)
+        matrix, right = self.prior_matrix.copy(), self.prior_right.copy()
+        matrix[:k, :k] += precision
+        right[:k] += precision @ mean
+        return NormalEquations(self.matrix, self.right, matrix, right)
 
 
 @dataclass(frozen=True)
@@ -33,6 +62,8 @@ class Solution:
     value: Array
     covariance: Array
     degrees_of_freedom: float
+    without: Array
+    """(batches, P): the solutions without one batch each."""
 
 
 def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = False) -> NormalEquations:
@@ -49,30 +80,35 @@ def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = 
             gram = sum((weights[joint, lag] * batch.lagged[joint][lag] for lag in lags), np.zeros(()))
             matrix[b][place] += gram[left, :p]
             right[b, unknowns] += gram[left, p]
-    return NormalEquations(matrix, right)
+    return NormalEquations(matrix, right, np.zeros((size, size)), np.zeros(size))
 
 
 def solve(equations: NormalEquations) -> Solution:
     """Solution and delete-one-batch (jackknife) covariance, which holds whatever the noise's colour within a batch.
 
-    With fewer than four batches the covariance is infinite: the data do not say how far to trust them.
+    A prior's own uncertainty is added. With fewer than four batches the covariance is infinite: the data do not say
+    how far to trust them.
     """
-    total, right = equations.matrix.sum(axis=0), equations.right.sum(axis=0)
+    total, right = equations.total, equations.total_right
     scale = _scale(total)
     value = np.linalg.solve(total / np.outer(scale, scale), right / scale) / scale
     count, size = equations.right.shape
     if count < 4:
-        return Solution(value, np.full((size, size), np.inf), 0.0)
+        return Solution(value, np.full((size, size), np.inf), 0.0, np.empty((0, size)))
     # What only one batch can tell leaves a singular rest: the slight ridge turns it into a large error, not a fault.
     rest = (total - equations.matrix) / np.outer(scale, scale) + 1e-12 * np.eye(size)
     without = np.linalg.solve(rest, ((right - equations.right) / scale)[..., None])[..., 0] / scale
     deviation = without - value
-    return Solution(value, (count - 1) / count * deviation.T @ deviation, count - 1.0)
+    covariance = (count - 1) / count * deviation.T @ deviation
+    if equations.prior_matrix.any():
+        inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
+        covariance += inverse @ equations.prior_matrix @ inverse
+    return Solution(value, covariance, count - 1.0, without)
 
 
 def model_covariance(equations: NormalEquations) -> Array:
     """Inverse of the information (P, P): the covariance if the weights are the noise's true inverse spectrum."""
-    total = equations.matrix.sum(axis=0)
+    total = equations.total
     scale = _scale(total)
     factor = cho_factor(total / np.outer(scale, scale))
     inverse: Array = cho_solve(factor, np.eye(len(scale)))
@@ -85,7 +121,7 @@ def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int
     An unknown is left out when the ones already taken explain all but ``tolerance`` of its column's energy. The first
     ``rank`` unknowns go first: a rotor inertia that only repeats a link's inertia is left out, not the link.
     """
-    total = equations.matrix.sum(axis=0)
+    total = equations.total
     scale = _scale(total)
     rest = total / np.outer(scale, scale)
     rest[np.diag(total) <= 0.0] = 0.0
