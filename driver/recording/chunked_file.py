@@ -134,12 +134,12 @@ class ChunkedFile:
 
     def add_message(self, channel_id: int, log_ns: int, record: bytes) -> None:
         """Add a whole message record (see `message_records`) to the chunk in progress."""
-        entries = self._index.get(channel_id)
+        entries, chunk = self._index.get(channel_id), self._chunk
         if entries is None:
             entries = self._index[channel_id] = []
-        entries += (log_ns, len(self._chunk))
-        self._chunk += record
-        if len(self._chunk) >= CHUNK_BYTES:
+        entries += (log_ns, len(chunk))
+        chunk += record
+        if len(chunk) >= CHUNK_BYTES:
             self.flush()
 
     def flush(self) -> None:

@@ -106,20 +106,23 @@ class CanFrameRecord:
 
     def __init__(self, channel_id: int) -> None:
         self._head = _head(channel_id, 4 + 32)
-        self._struct = struct.Struct("<11sIQQ4siI8s4s3ss8s")
+        self._struct = struct.Struct("<11sIQQ4siI8s")
 
-    def pack(self, sequence: int, log_ns: int, stamp_ns: int, sent: bool, frame: bytes) -> bytes:
-        """One record of a 16-byte struct can_frame. Error frames keep their class bits as identifier."""
+    def head(self, sequence: int, log_ns: int, stamp_ns: int, sent: bool) -> bytes:
+        """What the records of frames that passed together have in common; `pack` takes it."""
         seconds, nanoseconds = divmod(stamp_ns, SECOND)
-        can_id, flags = frame[:4], b"\0\0\0"
-        if frame[3] & 0xE0:
-            word = U32.unpack(can_id)[0]
-            can_id = U32.pack(word & 0x1FFF_FFFF)
-            flags = bytes(bool(word & bit) for bit in (self.REMOTE, self.EXTENDED, self.ERROR))
         return self._struct.pack(
-            self._head, sequence, log_ns, stamp_ns, ENCAPSULATION, seconds, nanoseconds,
-            self.DIRECTION[sent], can_id, flags, frame[4:5], frame[8:],
-        )  # fmt: skip
+            self._head, sequence, log_ns, stamp_ns, ENCAPSULATION, seconds, nanoseconds, self.DIRECTION[sent]
+        )
+
+    @classmethod
+    def pack(cls, head: bytes, frame: bytes) -> bytes:
+        """One record of a 16-byte struct can_frame. Error frames keep their class bits as identifier."""
+        if not frame[3] & 0xE0:
+            return head + frame[:4] + b"\0\0\0" + frame[4:5] + frame[8:]
+        word = U32.unpack_from(frame)[0]
+        flags = bytes(bool(word & bit) for bit in (cls.REMOTE, cls.EXTENDED, cls.ERROR))
+        return head + U32.pack(word & 0x1FFF_FFFF) + flags + frame[4:5] + frame[8:]
 
     @classmethod
     def unpack(cls, body: bytes) -> tuple[bool, int, bytes]:

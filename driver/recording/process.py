@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import re
 import signal
@@ -267,6 +268,9 @@ def record(connection: Connection, installation: Installation, ring_name: str, d
     if ring.lockstep:
         ring.register_recorder()
     recorder = _Recorder(installation, ring, directory)
+    # Cycles are freed as they are written; looking for cyclic garbage among them costs a third of the time.
+    gc.freeze()
+    gc.set_threshold(200_000)
     connection.send((None, None))
     try:
         while not ending.is_set():

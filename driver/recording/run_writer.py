@@ -99,7 +99,7 @@ class RunWriter:
         self._feedforward_record = JointStateRecord(self._feedforward, names, (False, False, True))
         self._log_record = LogRecord(self._events, self._installation.arm.name)
         self._can = [
-            (number, CanFrameRecord(number).pack)
+            (number, CanFrameRecord(number).head)
             for number in (channel(topic, ros2.CAN_FRAME) for topic in can_topics(self._installation))
         ]
         self._wrench = [
@@ -155,9 +155,13 @@ class RunWriter:
     def _write_raw(self, cycle: Cycle, *, measured: bool) -> None:
         """Frames and bytes as they passed; the sensors' samples only when ``measured``."""
         now, sequence, add = cycle.time_ns, self._index, self._file.add_message
-        for frame in cycle.frames:
-            channel_id, pack = self._can[frame.bus]
-            add(channel_id, now, pack(sequence, now, frame.time_ns, frame.sent, frame.data))
+        together, channel_id, head, pack = None, 0, b"", CanFrameRecord.pack
+        for bus, time_ns, sent, data in cycle.frames:
+            if together != (bus, time_ns, sent):
+                together = bus, time_ns, sent
+                channel_id, record_head = self._can[bus]
+                head = record_head(sequence, now, time_ns, sent)
+            add(channel_id, now, pack(head, data))
         for sensor, data in cycle.serial:
             channel_id, raw = self._serial[sensor]
             add(channel_id, now, raw.pack(sequence, now, data))

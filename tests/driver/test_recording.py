@@ -265,7 +265,9 @@ def test_wrenches_are_what_the_stock_writer_writes(frame: str, values: list[floa
 @settings(max_examples=100, deadline=None)
 def test_can_frames_come_back_bit_by_bit(sent: bool, word: int, length: int, data: bytes) -> None:
     frame = word.to_bytes(4, "little") + bytes((length, 0, 0, 0)) + data
-    record = CanFrameRecord(9).pack(1, 10, 11, sent, frame)
+    channel = CanFrameRecord(9)
+    record = channel.pack(channel.head(1, 10, 11, sent), frame)
+    assert int.from_bytes(record[1:9], "little") == len(record) - 9
     assert CanFrameRecord.unpack(record[RECORD_HEAD_BYTES:]) == (sent, 11, frame)
     message = {
         "header": {"stamp": {"sec": 0, "nanosec": 11}, "frame_id": "tx" if sent else "rx"},

@@ -14,7 +14,7 @@ import pytest
 
 from config import InputError, Installation
 from driver.cyclic.cycle import Cycle
-from driver.cyclic.ring import Batch, RingWriter
+from driver.cyclic.ring import RingWriter
 from driver.recording import RecorderProcess, read_recording, recover
 
 CycleMaker = Callable[..., list[Cycle]]
@@ -40,7 +40,7 @@ def publish(ring: RingWriter, cycles: list[Cycle]) -> None:
     for c in cycles:
         valid = sum(ok << i for i, ok in enumerate(c.valid))
         values = (*c.q, *c.dq, *c.tau, *c.q_d, *c.dq_d, *c.tau_command, *c.tau_ff)
-        frames = [Batch(f.bus, f.sent, f.time_ns, f.data) for f in c.frames]
+        frames = [(f.bus, f.sent, f.time_ns, f.data) for f in c.frames]
         ring.publish(c.index, c.time_ns, 0, int(c.state), c.run, valid, values, None, frames, c.serial, c.events)
 
 
