@@ -32,7 +32,7 @@ def publish(answer: Mapping[str, Any], json_to: str | None, *shown: RenderableTy
     With ``--json -`` standard output carries the JSON alone. Raises InputError when the file cannot be written.
     """
     if json_to is not None:
-        text = json.dumps(finite(answer), indent=1, allow_nan=False)
+        text = json.dumps(finite(answer), indent=1, allow_nan=False, ensure_ascii=False)
         if json_to == STDOUT:
             print(text)
             return

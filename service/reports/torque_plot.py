@@ -33,6 +33,8 @@ class TorqueComparison:
 def compare_torques(result: LinkIdentification, trajectory: Trajectory) -> TorqueComparison:
     """Torques along the first gapless stretch of a recording, in the band of the identification."""
     plan = plan_filter(trajectory.rate, result.band)
+    # The kinematics' kernel is flat to six times its plan's band: this one is flat to the band of the identification.
+    in_band = plan_filter(plan.rate, result.band / 6.0).smooth
     longest = round(LONGEST_S * trajectory.rate)
     piece = next(trajectory.segments(longest, 0))
     t = trajectory.t[piece]
@@ -44,11 +46,14 @@ def compare_torques(result: LinkIdentification, trajectory: Trajectory) -> Torqu
     identified = inverse_dynamics(body, result.full_parameters(prior), motion.q, motion.dq, motion.ddq)
     for term, value in zip(result.terms, result.value[result.base.rank :], strict=True):
         identified[:, term.joint] += value * term.column(motion.dq[:, term.joint], motion.ddq[:, term.joint])
+    urdf = inverse_dynamics(body, prior, motion.q, motion.dq, motion.ddq)
+    measured = convolve(convolve(tau, plan.smooth), in_band)
+    first = plan.edge + len(in_band) // 2
     return TorqueComparison(
-        t=(t[0] - trajectory.t[0]) + (plan.edge + np.arange(len(motion.q))) / plan.rate,
-        measured=convolve(tau, plan.smooth),
-        identified=identified,
-        urdf=inverse_dynamics(body, prior, motion.q, motion.dq, motion.ddq),
+        t=(t[0] - trajectory.t[0]) + (first + np.arange(len(measured))) / plan.rate,
+        measured=measured,
+        identified=convolve(identified, in_band),
+        urdf=convolve(urdf, in_band),
     )
 
 

@@ -79,7 +79,7 @@ class Session:
 
     def write_result(self, result: dict[str, Any]) -> None:
         """Keep the answer as ``result.json``, NaN and infinity as null."""
-        text = json.dumps(finite(result), indent=1, allow_nan=False)
+        text = json.dumps(finite(result), indent=1, allow_nan=False, ensure_ascii=False)
         write_atomically(self.directory / "result.json", text + "\n")
 
     def result(self) -> dict[str, Any] | None:
