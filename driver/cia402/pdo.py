@@ -127,7 +127,7 @@ class PdoCodec:
                 for name in pdo.names:
                     self._places[i, name] = len(self._raw)
                     self._raw.append(0)
-                codec = pdo_struct(pdo, drives[i], padded=True)
+                codec = pdo_struct(pdo, drives[i])
                 entry = _Tpdo(codec, pdo.length, slice(start, len(self._raw)), bit)
                 self._tables[bus_names.index(joint.bus)][pdo.cob_id] = entry
                 mask |= bit
@@ -264,10 +264,10 @@ class _BusOutput:
         return "a command does not fit the mapped objects"
 
 
-def pdo_struct(pdo: PdoMap, drive: Drive, *, padded: bool) -> struct.Struct:
-    """The values of one PDO as a struct; ``padded`` to the 8 data bytes of a can_frame."""
+def pdo_struct(pdo: PdoMap, drive: Drive) -> struct.Struct:
+    """The values of one PDO as a struct, padded to the 8 data bytes of a can_frame."""
     codes = "".join(_CODES[drive.object(name).type] for name in pdo.names)
-    return struct.Struct("<" + codes + (f"{8 - pdo.length}x" if padded else ""))
+    return struct.Struct("<" + codes + f"{8 - pdo.length}x")
 
 
 SYNC = pack(0x080)
