@@ -49,6 +49,8 @@ class Estimate:
 
     chosen: list[int]
     solution: Solution
+    untold: list[int]
+    """Base parameters that the motion does not tell: left out, or the prior's."""
     hausman: Hausman | None
 
 
@@ -75,7 +77,10 @@ def estimate(layout: Layout, sums: Sums, estimator: Estimator, select_terms: boo
     power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
     weights = np.array([white_weight(p) for p in power])
     equations = equations_of(weights)
-    chosen = _one_width_a_joint(layout, equations, excited(equations, layout.base.rank, _EXCITED))
+    rank = layout.base.rank
+    told = excited(assemble(layout, sums, weights), rank, _EXCITED)
+    chosen = told if prior is None else [*range(rank), *(k for k in told if k >= rank)]
+    chosen = _one_width_a_joint(layout, equations, chosen)
 
     def reweighted() -> Array:
         """Weights from the residuals of the weighted solution, a few times over."""
@@ -96,7 +101,7 @@ def estimate(layout: Layout, sums: Sums, estimator: Estimator, select_terms: boo
             equations = equations_of(weights, by_instruments)
     solution = solve(equations.of(chosen))
     hausman = _hausman(solution, solve(equations_of(weights).of(chosen)), chosen) if by_instruments else None
-    return Estimate(chosen, solution, hausman)
+    return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman)
 
 
 def _informed(equations: NormalEquations, base: BaseParameters, prior: Prior) -> NormalEquations:

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 _STOP_BAND_DB = 100.0
 """What is left beyond the stop band folds back when a kernel is sampled, times frequency squared in the curvature."""
+FLAT_TO_BAND = 6.0
+"""The kinematics' low-pass is flat to this multiple of the parallel low-pass' band, and closed at twice that."""
 _ROLL_OFF = 0.5
 _SPAN = 12
 """Length of the decimating kernel in output samples."""
@@ -65,7 +67,7 @@ class FilterPlan:
 def plan_filter(rate: float, band: float, stride_limit: int = 8) -> FilterPlan:
     """Kernels for a sampling rate (Hz) and a band (Hz); the band is lowered to what the rate can carry."""
     band = min(band, 0.2 * rate)
-    passes, stops = min(6.0 * band, 0.3 * rate), min(12.0 * band, 0.48 * rate)
+    passes, stops = min(FLAT_TO_BAND * band, 0.3 * rate), min(2.0 * FLAT_TO_BAND * band, 0.48 * rate)
     beta = 0.1102 * (_STOP_BAND_DB - 8.7)
     half = int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * (stops - passes) / rate) / 2))
     smooth, slope, curvature = _windowed_sinc(half, (passes + stops) / 2, rate, beta)

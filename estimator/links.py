@@ -123,11 +123,13 @@ def _result(
     unknowns, covariance = np.zeros(layout.size), np.full((layout.size, layout.size), np.nan)
     unknowns[chosen] = solution.value
     covariance[np.ix_(chosen, chosen)] = solution.covariance
-    missing = [layout.base.names[k] for k in range(rank) if k not in chosen]
+    missing = [layout.base.names[k] for k in found.untold]
     plain = assemble(layout, sums, np.array([white_weight(1.0)] * layout.body.n))
     eigenvalues = np.linalg.eigvalsh(plain.of([k for k in chosen if k < rank]).total)
     status = "identified"
-    if missing:
+    if missing and found.untold[0] in chosen:
+        warnings.append(f"the motion does not tell {', '.join(missing)}: these are the prior's")
+    elif missing:
         status = "too little motion"
         warnings.append(f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, missing)} more")
     elif solution.degrees_of_freedom == 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.filtering import FilterPlan, plan_filter, resample, smooth_motion
+from estimator.filtering import FLAT_TO_BAND, FilterPlan, convolve, plan_filter, resample, smooth_motion
 from estimator.identification import LinkIdentification
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
@@ -27,7 +27,7 @@ class TorqueHistory:
     measured: Array
     """As recorded, not filtered."""
     predicted: Array
-    """Of the motion, smoothed as the estimate smooths it."""
+    """Of the motion, below the estimate's band: what lies above is the noise of differentiated angles."""
 
     @property
     def relative_error(self) -> float:
@@ -88,5 +88,15 @@ def _piece(
     motion = smooth_motion(plan, q, grid(trajectory.dq), grid(trajectory.ddq))
     tau = resample(t, trajectory.tau[piece], plan.rate)
     inner = slice(plan.edge, len(q) - plan.edge)
-    predicted = inverse_dynamics(body, psi, motion.q, motion.dq, motion.ddq) + extra(motion.dq, motion.ddq)
+    predicted = _below(
+        inverse_dynamics(body, psi, motion.q, motion.dq, motion.ddq) + extra(motion.dq, motion.ddq), plan
+    )
     return t[0] + np.arange(len(q))[inner] / plan.rate, tau[inner], predicted
+
+
+def _below(torque: Array, plan: FilterPlan) -> Array:
+    """Zero-phase low-pass, flat to the band; the ends are continued by odd reflection."""
+    kernel = plan_filter(plan.rate, plan.band / FLAT_TO_BAND).smooth
+    reach = len(kernel) // 2
+    padded = np.pad(torque, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
+    return convolve(padded, kernel)
