@@ -137,6 +137,8 @@ class ArmMachine:
         if answer is not None:
             self._answered(InputError("arm", f"stopped: {cause}"))
             self._answer = answer
+        if self.state is LoopState.LATCHED:
+            self._answered(None)
         self._stop(cause)
 
     def clear(self, answer: Answer) -> None:
