@@ -22,7 +22,7 @@ def running(arm: str, *, lockstep: bool) -> Iterator[tuple[Installation, ArmLoop
         os.environ["ETUDE_RUN"] = folder
         installation = load_installation(arm)
         command = [sys.executable, "-m", "service", "virtual", "--config", str(installation.path)]
-        standin = subprocess.Popen(command + (["--lockstep"] if lockstep else []), stderr=subprocess.DEVNULL)
+        standin = subprocess.Popen(command + (["--lockstep"] if lockstep else []))
         try:
             socket = Path(folder) / installation.bus[0].channel.partition(":")[2]
             deadline = time.monotonic() + 30
