@@ -6,6 +6,7 @@ import fcntl
 import mmap
 import os
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC
 
 from config import InputError
 from driver.recording.chunked_file import INDEX_HEAD, ChunkedFile
@@ -87,7 +89,7 @@ def _already_complete(path: Path, stream: BinaryIO, data: Data) -> RecoveryRepor
     stream.seek(0)
     try:
         summary = SeekingReader(stream).get_summary()
-        if summary is None or summary.statistics is None:
+        if summary is None or summary.statistics is None or not _summary_is_intact(data):
             return None
         for index in summary.chunk_indexes:
             start = index.chunk_start_offset
@@ -97,6 +99,14 @@ def _already_complete(path: Path, stream: BinaryIO, data: Data) -> RecoveryRepor
     statistics = summary.statistics
     seconds = (statistics.message_end_time - statistics.message_start_time) / 1e9
     return RecoveryReport(path, True, statistics.message_count, seconds, 0, ())
+
+
+def _summary_is_intact(data: Data) -> bool:
+    """Does the footer's checksum fit? It covers the summary and the footer up to itself; 0 says that there is none."""
+    end = len(data) - len(MCAP0_MAGIC) - 4
+    summary_start = int.from_bytes(data[end - 16 : end - 8], "little")
+    checksum = int.from_bytes(data[end : end + 4], "little")
+    return checksum in (0, zlib.crc32(data[summary_start:end]))
 
 
 def _rebuild(path: Path, output: Path, data: Data) -> RecoveryReport:
@@ -116,9 +126,7 @@ def _rebuild(path: Path, output: Path, data: Data) -> RecoveryReport:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise InputError(str(output), f"cannot be written ({error.strerror})", "free some space") from None
-    return RecoveryReport(
-        output, False, rebuilt.file.messages, rebuilt.file.seconds, len(data) - end, tuple(rebuilt.damaged)
-    )
+    return RecoveryReport(output, False, rebuilt.file.messages, rebuilt.file.seconds, len(data) - end, rebuilt.damaged)
 
 
 class _Rebuilt:
@@ -126,9 +134,16 @@ class _Rebuilt:
 
     def __init__(self, file: ChunkedFile) -> None:
         self.file = file
-        self.damaged: list[str] = []
+        self._damaged: list[str] = []
+        self._orphans = 0
         self._channels: set[int] = set()
         self._schemas: set[int] = set()
+
+    @property
+    def damaged(self) -> tuple[str, ...]:
+        """What could not be taken over, one sentence each."""
+        orphans = f"{self._orphans} messages belong to no channel that is left"
+        return (*self._damaged, orphans) if self._orphans else tuple(self._damaged)
 
     def copy(self, data: Data, records: Iterator[RecordPlace], end: int) -> int:
         """Take over the records of the data section; returns where the last byte that was kept ends."""
@@ -138,7 +153,7 @@ class _Rebuilt:
             try:
                 self._take(opcode, content)
             except ValueError as error:
-                self.damaged.append(
+                self._damaged.append(
                     f"a record of {stop - start} bytes at byte {start - HEAD.size} is damaged ({error})"
                 )
             end = stop
@@ -174,6 +189,8 @@ class _Rebuilt:
             self.file.add_schema(schema)
 
     def _take_channel(self, channel: Channel) -> None:
+        if channel.schema_id and channel.schema_id not in self._schemas:
+            raise ValueError(f"the channel {channel.topic} has a schema that is not there")
         if channel.id not in self._channels:
             self._channels.add(channel.id)
             self.file.add_channel(channel)
@@ -192,6 +209,9 @@ class _Rebuilt:
         data = chunk_data(chunk)
         self._take_definitions(data)
         offsets = message_offsets(data)
+        if not self._channels.issuperset(offsets):
+            self._take_messages(data)
+            return
         self.file.flush()
         self.file.append_chunk(
             chunk,
@@ -203,7 +223,10 @@ class _Rebuilt:
     def _take_messages(self, data: bytes) -> int:
         """Add the whole messages of a piece of a chunk; returns how many."""
         self._take_definitions(data)
-        places = sorted((at, channel_id) for channel_id, found in message_offsets(data).items() for at in found)
+        offsets = message_offsets(data)
+        for channel_id in offsets.keys() - self._channels:
+            self._orphans += len(offsets.pop(channel_id))
+        places = sorted((at, channel_id) for channel_id, found in offsets.items() for at in found)
         for at, channel_id in places:
             end = at + HEAD.size + int.from_bytes(data[at + 1 : at + 9], "little")
             self.file.add_message(channel_id, _log_ns(data, at), data[at:end])
