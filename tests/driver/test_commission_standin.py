@@ -18,7 +18,7 @@ from driver.bus.channel import RECEIVE_BYTES, open_channel
 from driver.bus.frames import Frame, MarkKind, iter_frames, pack_mark
 from driver.bus.python_can import LocalBus
 from driver.cia402.commission import commission, inspect
-from driver.cia402.emergencies import decode_emergency
+from driver.cia402.emergencies import Emergency, decode_emergency
 from driver.cia402.pdo import SYNC, PdoCodec, heartbeat
 from driver.cia402.states import State, controlword_towards, state_of
 from virtual_hw.standin import run_standin
@@ -118,11 +118,11 @@ def test_drives_stop_when_the_host_is_silent(wall_clock_dir: Path) -> None:
     done = commission(DDA, "csp", run_dir=wall_clock_dir)
     with open_channel(DDA.bus[0].channel, run_dir=wall_clock_dir) as channel:
         channel.send(heartbeat(done.master_node))
-        buffer, emergencies, end = bytearray(RECEIVE_BYTES), [], time.monotonic() + 30
+        buffer, end = bytearray(RECEIVE_BYTES), time.monotonic() + 30
+        emergencies: list[Emergency] = []
         while time.monotonic() < end and not emergencies:
-            for frame in iter_frames(buffer[: channel.drain(buffer)]):
-                if isinstance(frame, Frame) and frame.can_id == 0x081:
-                    emergencies.append(decode_emergency(*frame))
+            heard = iter_frames(buffer[: channel.drain(buffer)])
+            emergencies += [decode_emergency(*f) for f in heard if isinstance(f, Frame) and f.can_id == 0x081]
             time.sleep(0.01)
     assert [emergency.code for emergency in emergencies] == [0x8130]
     # Only a reset of the communication helps; commissioning does one, and all drives are well again.
