@@ -124,7 +124,7 @@ class LinkIdentification:
             "relative_error": self.fit.relative_error,
             "hold_out": None if self.hold_out is None else _residuals(self.hold_out),
             "hold_out_relative_error": None if self.hold_out is None else self.hold_out.relative_error,
-            "condition_number": self.condition_number,
+            "condition_number": _plain(self.condition_number),
             "status": self.status,
             "warnings": list(self.warnings),
             "tests": self.tests,

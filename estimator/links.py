@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,8 +93,7 @@ def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOpt
             raise InputError(
                 trajectory.name, "has no commanded motion to take instruments from", "use the estimator 'weighted'"
             )
-    speeds = np.max([np.nanmax(np.abs(np.diff(t.q, axis=0)), axis=0) for t in trajectories], axis=0)
-    if not np.any(speeds > 0.0):
+    if not any(np.any(np.fmax.reduce(t.q, axis=0) > np.fmin.reduce(t.q, axis=0)) for t in trajectories):
         raise InputError("recordings", "no joint moves", "record motion that excites the arm")
 
 
@@ -149,7 +149,7 @@ def _result(
         band=band,
         samples=sums.samples,
         duration=sums.duration,
-        condition_number=float(np.sqrt(eigenvalues[-1] / max(float(eigenvalues[0]), np.finfo(float).tiny))),
+        condition_number=float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0.0 else math.inf,
         fit=_fit(layout, sums, unknowns),
         hold_out=held_out,
         status=status,

@@ -58,12 +58,9 @@ class Trajectory:
             raise InputError(
                 self.name, f"time does not rise at sample {row}", "sort the samples or split the recording"
             )
-        if np.nanmax(np.abs(self.q), initial=0.0) > _LARGEST_ANGLE:
-            raise InputError(
-                self.name,
-                f"an angle of {np.nanmax(np.abs(self.q)):.0f} is no joint angle in rad",
-                "convert degrees to rad",
-            )
+        largest = max(float(np.fmax.reduce(self.q, axis=None)), -float(np.fmin.reduce(self.q, axis=None)))
+        if largest > _LARGEST_ANGLE:
+            raise InputError(self.name, f"an angle of {largest:.0f} is no joint angle in rad", "convert degrees to rad")
 
     @property
     def samples(self) -> int:
