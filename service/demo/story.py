@@ -22,7 +22,7 @@ from service.demo.thesis_tables import beside_the_tables, comparison_table
 from service.identification.links import LinksOutcome, identify
 from service.identification.request import LinksRequest
 from service.outcomes import ArmStopped
-from service.reports.link_tables import link_report
+from service.reports.link_tables import residual_tables
 from service.supervision import StartFailed, SupervisedProcess
 
 ARM = "dda"
@@ -54,8 +54,8 @@ def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[Rende
     rows = beside_the_tables(outcome.result)
     say("4. the same identification on a recording of a real arm")
     real = identify_real_arm(out)
-    shown: list[RenderableType] = [comparison_table(rows), *link_report(outcome.answer)[2:-2], *real.shown]
-    shown += _places(session, outcome)
+    shown: list[RenderableType] = [comparison_table(rows), *residual_tables(outcome.answer), *real.shown]
+    shown += _places(session, outcome, real.answer)
     answer = {
         "links": outcome.answer,
         "beside_the_thesis": rows,
@@ -99,13 +99,13 @@ def _brought_up(out: Path, *, lockstep: bool) -> Iterator[Path]:
         yield run
 
 
-def _places(session: dict[str, Any], outcome: LinksOutcome) -> list[RenderableType]:
+def _places(session: dict[str, Any], outcome: LinksOutcome, real: dict[str, Any] | None) -> list[RenderableType]:
     relative = os.path.relpath
     lines: list[RenderableType] = ["", "Everything is kept:"]
     lines += [f"  recording  {relative(path)}" for path in session["recordings"]]
+    for answer in (outcome.answer, *([real] if real else [])):
+        lines += [f"  {what:<9}  {relative(answer[what])}" for what in ("model", "urdf", "plot") if answer[what]]
     lines += [
-        f"  model      {relative(outcome.model)}",
-        f"  plot       {relative(outcome.plot)}",
         "The recordings open as they are in Foxglove, PlotJuggler and ros2 bag.",
     ]
     return lines

@@ -5,15 +5,20 @@ The same function serves the command line, in its own process, and the daemon, i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from config import InputError, load_installation
 from driver.recording import Recording
+from estimator.consistency import consistent_parameters
+from estimator.export import urdf_text
 from estimator.identification import LinkIdentification
 from estimator.links import LinkOptions, identify_links
+from estimator.prediction import torque_history
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, of_installation
@@ -21,17 +26,21 @@ from service.identification.model_file import write_link_model
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 from service.identification.request import LinksRequest
 from service.reports.torque_plot import plot_torques
+from service.sessions.store import write_atomically
 
 Tell = Callable[[str, float], None]
+FAR_OFF = 3.0
+"""Standard errors by which a body's parameters may miss the identified ones without a word."""
 
 
 @dataclass(frozen=True)
 class LinksOutcome:
-    """An identification with everything that was made of it."""
+    """An identification with everything that was made of it. ``urdf``: None where no bodies can have the parameters."""
 
     result: LinkIdentification
     trajectories: tuple[Trajectory, ...]
     model: Path
+    urdf: Path | None
     plot: Path
     answer: dict[str, Any]
 
@@ -46,14 +55,51 @@ def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> L
     options = LinkOptions(estimator=request.estimator, band_hz=request.band_hz)
     result = identify_links(body, trajectories, options, hold_out)
     tell("writing the model and the plot", 0.85)
-    request.directory.mkdir(parents=True, exist_ok=True)
+    try:
+        request.directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(request.directory), f"cannot be made ({error.strerror})", "choose another --out") from None
     model = request.directory / "links.toml"
     write_link_model(model, arm.name, result, sources)
+    urdf = _write_urdf(request.directory / "links.urdf", result, notes)
     plot = request.directory / "torques.png"
     plot_torques(plot, arm.name, result, (hold_out or trajectories)[0], held_out=bool(hold_out))
-    answer = {"arm": arm.name, **result.as_json(), "notes": notes, "model": str(model), "plot": str(plot)}
+    answer = {
+        "arm": arm.name,
+        **result.as_json(),
+        "unfiltered_relative_error": _unfiltered_error(result, trajectories),
+        "notes": notes,
+        "model": str(model),
+        "urdf": None if urdf is None else str(urdf),
+        "plot": str(plot),
+    }
     tell("done", 1.0)
-    return LinksOutcome(result, tuple(trajectories), model, plot, answer)
+    return LinksOutcome(result, tuple(trajectories), model, urdf, plot, answer)
+
+
+def _write_urdf(path: Path, result: LinkIdentification, notes: list[str]) -> Path | None:
+    """The arm's URDF with bodies that have the identified base parameters, as near its own bodies as that allows."""
+    try:
+        found = consistent_parameters(result)
+        text = urdf_text(result.body, found.parameters)
+    except InputError as error:
+        notes.append(f"no URDF was written: {error}")
+        return None
+    worst = int(np.argmax(np.abs(found.misfit)))
+    if abs(found.misfit[worst]) > FAR_OFF:
+        notes.append(
+            f"no bodies have these parameters quite: in links.urdf {result.base.names[worst]} is "
+            f"{abs(found.misfit[worst]):.1f} standard errors off"
+        )
+    write_atomically(path, text)
+    return path
+
+
+def _unfiltered_error(result: LinkIdentification, trajectories: Sequence[Trajectory]) -> float:
+    """100·‖residual‖/‖measured‖ [%] over all joints with the measured torque as it is, its noise included."""
+    histories = [torque_history(result, trajectory) for trajectory in trajectories]
+    residual = sum(float(np.sum((h.measured - h.predicted) ** 2)) for h in histories)
+    return 100.0 * float(np.sqrt(residual / sum(float(np.sum(h.measured**2)) for h in histories)))
 
 
 def _read(

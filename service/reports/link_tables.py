@@ -30,10 +30,19 @@ def link_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"{len(groups['alone'])} parameters identifiable alone, {len(groups['combined'])} in combination, "
         f"{len(groups['not'])} not at all ({', '.join(groups['not']) or 'none'})"
     )
-    shown.append(_residuals("torque residual", answer["torque_residual"], answer["relative_error"]))
+    shown += residual_tables(answer)
+    urdf = [] if answer["urdf"] is None else [f"URDF: {answer['urdf']}"]
+    return [*shown, f"model: {answer['model']}", *urdf, f"plot: {answer['plot']}"]
+
+
+def residual_tables(answer: dict[str, Any]) -> list[RenderableType]:
+    """How well the torques fit, on what was learnt from and on what was held out."""
+    shown: list[RenderableType] = [
+        _residuals("torque residual", answer["torque_residual"], answer["relative_error"]),
+        f"with the measured torque's noise above the band: {answer['unfiltered_relative_error']:.2f} %",
+    ]
     if answer["hold_out"] is not None:
         shown.append(_residuals("on the held-out recordings", answer["hold_out"], answer["hold_out_relative_error"]))
-    shown += [f"model: {answer['model']}", f"plot: {answer['plot']}"]
     return shown
 
 
