@@ -176,6 +176,10 @@ def _configure(axis: _Axis, installation: Installation, mode: Mode) -> None:
     if sdo.has(objects.CYCLE_PERIOD_US):
         sdo.write_verified(objects.CYCLE_PERIOD_US, 0, round(installation.cycle.period_ns / 1000))
     remap(sdo, pdo_maps(joint, drive, mode), deadline_ms(installation))
+    for offset in (objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET):
+        if sdo.has(offset):
+            # An offset that the last mode left would be added to every command of this one.
+            sdo.write_verified(offset, 0, 0)
     _select_mode(sdo, mode)
     heartbeat_ms = installation.cycle.heartbeat_ms
     sdo.write_verified(objects.PRODUCER_HEARTBEAT_MS, 0, heartbeat_ms)
