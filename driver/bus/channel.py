@@ -79,6 +79,7 @@ def open_channel(spec: str, *, run_dir: Path | None = None) -> Channel:
     Raises InputError, naming the remedy, for an unknown kind of channel, a bus that is not there or is down,
     a missing permission, or a kernel without SocketCAN.
     """
+    # Here, because both kinds are Channels and import this file.
     from driver.bus.local import LocalChannel
     from driver.bus.socketcan import SocketCanChannel
 

@@ -19,6 +19,7 @@ from driver.bus.channel import RECEIVE_BYTES
 from driver.bus.errors import ChannelFault, TransmitQueueFull
 from driver.bus.frames import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_MASK, FRAME_BYTES, REMOTE_FLAG, Mark, pack, unpack
 from driver.bus.local import LocalChannel
+from driver.bus.socketcan import SocketCanChannel
 
 
 class LocalBus(can.BusABC):  # type: ignore[misc]
@@ -108,14 +109,12 @@ def _message(can_id: int, data: bytes, stamp: float, channel: str) -> can.Messag
 
 def python_can_bus(spec: str, *, run_dir: Path | None = None) -> can.BusABC:
     """A python-can bus on a channel as configured; raises InputError exactly as `open_channel` does."""
-    from driver.bus.socketcan import SocketCanChannel
-
     kind, _, name = spec.partition(":")
     if kind == "local" and name:
         return LocalBus(name, run_dir=run_dir)
     if kind != "socketcan" or not name:
         raise InputError(f"channel {spec!r}", "is not a CAN channel", "write socketcan:<interface> or local:<path>")
-    SocketCanChannel(name).close()
+    SocketCanChannel(name).close()  # It says in one sentence what python-can would say in a trace.
     try:
         bus: can.BusABC = can.Bus(interface="socketcan", channel=name)
     except (OSError, can.CanError) as error:

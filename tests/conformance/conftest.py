@@ -112,7 +112,7 @@ class Bench:
             if frames:
                 self.channel.send(frames)
             self._now_ns = t = max(t, time.monotonic_ns())
-            time.sleep((t - time.monotonic_ns()) * 1e-9 if t > time.monotonic_ns() else 0.0)
+            time.sleep(max(0, t - time.monotonic_ns()) * 1e-9)
             if sync:
                 self.channel.send(sync)
             time.sleep(WINDOW_NS * 1e-9)
