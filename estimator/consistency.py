@@ -164,7 +164,12 @@ def _with_mass(prior: Array) -> list[Array]:
 
 
 def consistent_parameters(found: LinkIdentification, prior: Array | None = None) -> ConsistentParameters:
-    """Of an identification, near its URDF's own inertias unless another prior (10·n,) is given."""
+    """Of an identification, near its URDF's own inertias unless another prior (10·n,) is given.
+
+    Raises InputError when the identification has no standard errors to weigh against the prior.
+    """
+    if found.degrees_of_freedom == 0.0:
+        raise InputError("recordings", "are too short for standard errors", "record longer, or several motions")
     rank = found.base.rank
     anchor = found.body.prior() if prior is None else prior
     return nearest_consistent(found.base, found.beta, found.covariance[:rank, :rank], anchor)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from estimator.rows import Layout
 from estimator.sums import LAGS, Batch, Sums
@@ -104,15 +103,6 @@ def solve(equations: NormalEquations) -> Solution:
         inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
         covariance += inverse @ equations.prior_matrix @ inverse
     return Solution(value, covariance, count - 1.0, without)
-
-
-def model_covariance(equations: NormalEquations) -> Array:
-    """Inverse of the information (P, P): the covariance if the weights are the noise's true inverse spectrum."""
-    total = equations.total
-    scale = _scale(total)
-    factor = cho_factor(total / np.outer(scale, scale))
-    inverse: Array = cho_solve(factor, np.eye(len(scale)))
-    return inverse / np.outer(scale, scale)
 
 
 def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int]:
