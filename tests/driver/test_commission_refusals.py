@@ -152,6 +152,13 @@ def test_the_other_mode_maps_anew(drive: ScriptedDrive) -> None:
     assert drive.values[0x6061, 0] == 10
 
 
+def test_offsets_of_the_last_mode_are_gone(drive: ScriptedDrive) -> None:
+    drive.preset(0x60B1, 0, 5000)
+    drive.preset(0x60B2, 0, 120)
+    commission(ONE, "cst")
+    assert (drive.values[0x60B1, 0], drive.values[0x60B2, 0]) == (0, 0)
+
+
 def test_mappings_are_written_in_the_standards_order(drive: ScriptedDrive) -> None:
     commission(ONE, "csp")
     rpdo = [(i, s, v) for i, s, v in drive.written if (i, s) == (0x1400, 1) or i == 0x1600]
