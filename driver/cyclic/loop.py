@@ -66,6 +66,7 @@ class CyclicLoop:
         self._cpu = (time.process_time_ns(), 0)
         self._needs_commissioning = False
         self._exchange: Exchange | None = None
+        self._machine: ArmMachine | None = None
         self._lines: WrenchLines | None = None
         try:
             self._commission(installation.modes[0], progress)
@@ -105,9 +106,7 @@ class CyclicLoop:
     def reset(self, answer: Answer, progress: Callable[[str], None]) -> None:
         """Acknowledge the latched fault; sets the drives up anew first when one may have lost its configuration."""
         if self._needs_commissioning and self.machine.state is LoopState.LATCHED:
-            before = self.machine
-            self._commission(before.mode, progress)
-            self.machine.latch_as(before)
+            self._commission(self.machine.mode, progress)
             self._settle()
         self._supervision.forget()
         self.machine.clear(answer)
@@ -118,9 +117,20 @@ class CyclicLoop:
         self._waits.append((self._index + cycles, answer))
 
     @property
+    def machine(self) -> ArmMachine:
+        """The arm's state machine: a new one after each commissioning."""
+        assert self._machine is not None  # From the first commissioning on, in __init__.
+        return self._machine
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is an exchange with the drives to cycle; not after a commissioning that failed."""
+        return self._exchange is not None
+
+    @property
     def busy(self) -> bool:
         """Whether time must pass for what was asked; lockstep stands still otherwise."""
-        return self.machine.busy or bool(self._waits)
+        return self.connected and (self.machine.busy or bool(self._waits))
 
     # ── the cycle ──
 
@@ -218,19 +228,29 @@ class CyclicLoop:
     # ── commissioning ──
 
     def _commission(self, mode: Mode, progress: Callable[[str], None]) -> None:
-        """Set all drives up for ``mode`` and take up the exchange with them."""
+        """Set all drives up for ``mode`` and take up the exchange with them.
+
+        Raises InputError when that fails; the arm is then latched, and not connected until a reset succeeds.
+        """
+        before, self._needs_commissioning = self._machine, True
         if self._exchange is not None:
             self._exchange.close()
             self._exchange = None
-        commissioned = commission(self.installation, mode, progress=progress)
+        try:
+            commissioned = commission(self.installation, mode, progress=progress)
+            self._exchange = open_exchange(self.installation, PdoCodec(self.installation, mode), lockstep=self.lockstep)
+        except InputError as problem:
+            if before is not None:
+                before.latch(f"the drives could not be set up: {problem}")
+            raise
         self._needs_commissioning = False
-        codec = PdoCodec(self.installation, mode)
-        self._exchange = open_exchange(self.installation, codec, lockstep=self.lockstep)
-        self._frames_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
         self._beat = heartbeat(commissioned.master_node)
+        self._frames_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
         self._supervision.forget()
         self._feedback = ArmFeedback(len(self._names))
-        self.machine = ArmMachine(self.installation, mode, self.body, self._announce)
+        self._machine = ArmMachine(self.installation, mode, self.body, self._announce)
+        if before is not None:
+            self._machine.continue_from(before)
 
     def _announce(self, sentence: str) -> None:
         self._events.append(sentence)
@@ -244,7 +264,7 @@ class CyclicLoop:
 
     def status(self) -> LoopStatus:
         """The loop now, as plain data."""
-        fb, machine, exchange = self._feedback, self.machine, self._live()
+        fb, machine, exchange = self._feedback, self.machine, self._exchange
         run = machine.run
         cpu_ns, cycles = time.process_time_ns(), self._index
         cpu_us = (cpu_ns - self._cpu[0]) / 1e3 / max(1, cycles - self._cpu[1])
@@ -272,7 +292,7 @@ class CyclicLoop:
             cpu_us=cpu_us,
             lockstep=self.lockstep,
             realtime=self.realtime,
-            buses=self._bus_status(exchange),
+            buses=() if exchange is None else self._bus_status(exchange),
             sensors=() if self._lines is None else self._lines.status(),
             last_frames=self._frames.frozen,
         )

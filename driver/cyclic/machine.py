@@ -16,7 +16,7 @@ from driver.cyclic.controller import TorqueController
 from driver.cyclic.cycle import LoopState
 from driver.cyclic.damping import DampedStop, RestWatch
 from driver.cyclic.feedback import ArmFeedback
-from driver.cyclic.reference import Desired, Follow, Hold, Reference, SlowDown, cycles_in
+from driver.cyclic.reference import BLEND_S, Desired, Follow, Hold, Reference, SlowDown, cycles_in
 from driver.gravity import RigidBody
 from driver.plan import Plan
 
@@ -24,8 +24,10 @@ ENABLE_S, DISABLE_S, POWER_OFF_S, STOP_S, CLEAR_S = 5.0, 3.0, 0.2, 2.0, 2.0
 """Longest time of each undertaking; then a sentence names the joint that did not follow."""
 REST_HOLD_S = 0.1
 """After a stop the arm is held for this long before its brakes take over."""
-START_TOLERANCE_RAD = 0.005
+START_TOLERANCE_RAD = 0.02
 """How far from where the arm holds a plan may begin; the difference is closed smoothly first."""
+LEAD_IN_SHARE = 0.05
+"""Share of the velocity limit that closing the difference may use."""
 START_SPEED_SHARE = 0.02
 """Share of the velocity limit below which a plan begins and ends at rest."""
 
@@ -109,8 +111,11 @@ class ArmMachine:
                 place, f"is for {plan.mode}, the drives are enabled in {self.mode}", "enable that mode first"
             )
         q, dq, _, tau_ff = plan.arrays
+        lead_in_s = BLEND_S
         for i, joint in enumerate(self.installation.joint):
             off = abs(float(q[0, i]) - self._q_d[i])
+            # The steepest slope of the smooth step is 1.5 over its length.
+            lead_in_s = max(lead_in_s, 1.5 * off / (LEAD_IN_SHARE * joint.limits.velocity_rad_s))
             if off > START_TOLERANCE_RAD:
                 raise InputError(
                     place,
@@ -125,7 +130,7 @@ class ArmMachine:
         first = self._zeros if plan.controller == "pd" and plan.mode == "cst" else tau_ff[0].tolist()
         if plan.mode == "cst" and plan.controller == "computed_torque":
             first = body.gravity(q[0].tolist())
-        self._reference = Hold(q[0].tolist(), self._tau_ff, first, self._period_s, q_from=self._q_d)
+        self._reference = Hold(q[0].tolist(), self._tau_ff, first, self._period_s, self._q_d, lead_in_s)
         self.run = Run(number, Follow(plan))
         self._next_controller = TorqueController(
             self.installation, self.mode, plan.controller, plan.controller_rate_hz, body
@@ -150,9 +155,16 @@ class ArmMachine:
         self._fresh = True
         self._begin(LoopState.LATCHED, self._clear, CLEAR_S, answer)
 
-    def latch_as(self, before: ArmMachine) -> None:
-        """Take over the latched fault and the newest run of the machine before a new commissioning."""
-        self.state, self.cause, self.run = LoopState.LATCHED, before.cause, before.run
+    def latch(self, cause: str) -> None:
+        """Latch a cause found with the drives off, without a cycle."""
+        self.cause = cause
+        self._set(LoopState.LATCHED, self._idle, f"latched: {cause}")
+
+    def continue_from(self, before: ArmMachine) -> None:
+        """Take over what outlives a commissioning: the newest run, and a latched cause until its reset."""
+        self.run = before.run
+        if before.state is LoopState.LATCHED:
+            self.state, self.cause = LoopState.LATCHED, before.cause
 
     @property
     def busy(self) -> bool:
@@ -370,7 +382,7 @@ class ArmMachine:
             self._answered(InputError("arm", f"could not be enabled: {cause}", "remove the cause, then reset"))
         self._deadline = self._cycles + cycles_in(STOP_S, self.installation)
         if not powered:
-            self._off()
+            self._set(LoopState.STOPPING, self._power_off, f"stopping: {cause}")
             return
         self._rest = RestWatch(self.installation)
         self._set(LoopState.STOPPING, self._damp if self.mode == "cst" else self._slow_down, f"stopping: {cause}")

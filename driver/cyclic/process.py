@@ -88,15 +88,17 @@ class LoopProcess:
 
     def _serve(self, loop: CyclicLoop) -> None:
         while self._ending is None:
-            if loop.lockstep and not loop.busy:
+            if not loop.connected or (loop.lockstep and not loop.busy):
                 # Virtual time stands still while nothing is to be done, so that a run depends on its requests alone.
                 self._poll.poll(500)
             self._take_requests(loop)
-            if loop.busy or not loop.lockstep:
+            if loop.connected and (loop.busy or not loop.lockstep):
                 loop.cycle()
         self._way_out(loop, self._ending)
 
     def _way_out(self, loop: CyclicLoop, cause: str) -> None:
+        if not loop.connected:
+            return
         machine = loop.machine
         cycles = int(CLOSING_S * loop.installation.cycle.rate_hz)
         if machine.state is LoopState.HOLDING:

@@ -47,7 +47,10 @@ def smooth(s: float) -> float:
 
 
 class Hold:
-    """Stay at ``q``; the feedforward goes from ``tau_from`` to ``tau_to`` and stays; ``q_from`` is approached alike."""
+    """Stay at ``q``; the feedforward goes from ``tau_from`` to ``tau_to`` and stays.
+
+    From ``q_from`` the position is approached in the same time, ``blend_s``.
+    """
 
     def __init__(
         self,
@@ -56,11 +59,12 @@ class Hold:
         tau_to: Sequence[float],
         period_s: float,
         q_from: Sequence[float] | None = None,
+        blend_s: float = BLEND_S,
     ) -> None:
         self._q, self._from, self._to = list(q), list(tau_from), list(tau_to)
         self._q_from = list(q_from or q)
         self._zeros = [0.0] * len(self._q)
-        self._step = period_s / BLEND_S
+        self._step = period_s / blend_s
         self._share = 0.0
 
     @property
