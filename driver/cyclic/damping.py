@@ -13,16 +13,22 @@ REST_S = 0.02
 """For so long without interruption."""
 
 
-class RestWatch:
-    """Tells when all joints that can be seen have been slow for long enough."""
+HANDOVER_SPEED_RAD_S = 0.2
+"""Below this the damped stop gives way to holding: where the model's gravity is wrong, damping alone lets a joint
+creep on at (error of gravity)/D for ever."""
 
-    def __init__(self, installation: Installation) -> None:
+
+class RestWatch:
+    """Tells when all joints that can be seen have been slower than ``speed_rad_s`` for long enough."""
+
+    def __init__(self, installation: Installation, speed_rad_s: float = REST_SPEED_RAD_S) -> None:
+        self._speed = speed_rad_s
         self._needed = max(1, round(REST_S * installation.cycle.rate_hz))
         self._quiet = 0
 
     def at_rest(self, dq: Sequence[float], valid: Sequence[bool]) -> bool:
         """Feed once a cycle."""
-        slow = all(not ok or abs(v) < REST_SPEED_RAD_S for v, ok in zip(dq, valid, strict=True))
+        slow = all(not ok or abs(v) < self._speed for v, ok in zip(dq, valid, strict=True))
         self._quiet = self._quiet + 1 if slow else 0
         return self._quiet >= self._needed
 

@@ -64,7 +64,8 @@ class CyclicLoop:
         self._events: list[str] = []
         self._waits: deque[tuple[int, Answer]] = deque()
         self._cpu = (time.process_time_ns(), 0)
-        self._needs_commissioning = False
+        self._needs_commissioning = self._in_charge = False
+        self._state_before = LoopState.COMMISSIONING
         self._exchange: Exchange | None = None
         self._machine: ArmMachine | None = None
         self._lines: WrenchLines | None = None
@@ -156,15 +157,16 @@ class CyclicLoop:
         exchange.faults.clear()
         self._events += found.events
         self._needs_commissioning |= found.recommission
-        was = machine.state
         command = self._admitted(machine.step(feedback, found.causes))
-        good = punctual and feedback.complete and not exchange.dead
+        # Heartbeats go on while the other axes are brought to rest, however one of them fell silent.
+        good = punctual and self._in_charge
         self._send(exchange, command, good)
         self._publish(exchange, begun, command, wrench, serial)
-        if machine.state is LoopState.STOPPING is not was:
+        if machine.state is LoopState.STOPPING and self._state_before is not LoopState.STOPPING:
             self._frames.freeze()
+        self._state_before = machine.state
         self._index += 1 + begun.skipped
-        self._missed += begun.skipped + (not good)
+        self._missed += begun.skipped + (not (punctual and feedback.complete))
         self._good += good
         self._lateness.add(begun.late_ns)
         while self._waits and self._waits[0][0] <= self._index:
@@ -173,6 +175,7 @@ class CyclicLoop:
     def _admitted(self, command: Command) -> Command:
         """The command if the gate admits it, else a stop's, else the drives' own quick stop."""
         reason = self._refusal(command)
+        self._in_charge = True
         if reason is not None:
             self._events.append(f"gate: {reason}")
             command = self.machine.refused(reason)
@@ -180,6 +183,7 @@ class CyclicLoop:
             if reason is not None:
                 self._events.append(f"gate: {reason}; the drives stop by themselves")
                 command = self.machine.quick_stop()
+                self._in_charge = False
         return command
 
     def _refusal(self, command: Command) -> str | None:

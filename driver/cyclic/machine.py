@@ -14,7 +14,7 @@ from driver.cia402.states import State
 from driver.cyclic.axes import Axes
 from driver.cyclic.controller import TorqueController
 from driver.cyclic.cycle import LoopState
-from driver.cyclic.damping import DampedStop, RestWatch
+from driver.cyclic.damping import HANDOVER_SPEED_RAD_S, REST_SPEED_RAD_S, DampedStop, RestWatch
 from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.reference import BLEND_S, Desired, Follow, Hold, Reference, SlowDown, cycles_in
 from driver.gravity import RigidBody
@@ -22,7 +22,7 @@ from driver.plan import Plan
 
 ENABLE_S, DISABLE_S, POWER_OFF_S, STOP_S, CLEAR_S = 5.0, 3.0, 0.2, 2.0, 2.0
 """Longest time of each undertaking; then a sentence names the joint that did not follow."""
-REST_HOLD_S = 0.1
+REST_HOLD_S = 0.2
 """After a stop the arm is held for this long before its brakes take over."""
 START_TOLERANCE_RAD = 0.02
 """How far from where the arm holds a plan may begin; the difference is closed smoothly first."""
@@ -384,7 +384,8 @@ class ArmMachine:
         if not powered:
             self._set(LoopState.STOPPING, self._power_off, f"stopping: {cause}")
             return
-        self._rest = RestWatch(self.installation)
+        speed = HANDOVER_SPEED_RAD_S if self.mode == "cst" else REST_SPEED_RAD_S
+        self._rest = RestWatch(self.installation, speed)
         self._set(LoopState.STOPPING, self._damp if self.mode == "cst" else self._slow_down, f"stopping: {cause}")
         if self.mode == "csp":
             if follow is not None:

@@ -16,7 +16,7 @@ from driver.plan import Plan
 
 BLEND_S = 0.1
 """Time over which a holding arm's feedforward changes to another."""
-STOP_SHARE = 0.5
+STOP_SHARE = 0.9
 """Share of a joint's acceleration limit that slowing down along the path uses."""
 SHORTEST_STOP_S, LONGEST_STOP_S = 0.03, 1.0
 

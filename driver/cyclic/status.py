@@ -71,8 +71,8 @@ class LoopStatus:
     """None while the newest run is played; "done", or the sentence for what ended it."""
     cycles: int
     good_cycles: int
-    """Watchdog counter: on time, with all feedback. Feed a watchdog only when it advances; it stands in lockstep
-    whenever virtual time does."""
+    """Watchdog counter: cycles that began on time and whose command the gate let through. Feed a watchdog only when
+    it advances; it stands in lockstep whenever virtual time does."""
     missed: int
     """Deadlines missed: cycles skipped, late beyond a quarter of the period, or incomplete."""
     lateness_us: tuple[int, ...]

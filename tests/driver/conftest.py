@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import multiprocessing
 import struct
 from collections.abc import Callable, Iterator
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from config.schema import WrenchSensor
 from driver.cia402.pdo import SYNC, PdoCodec
 from driver.cyclic.cycle import Cycle, LoopState, RawFrame
 from driver.wrench.crc import crc16_modbus, crc16_x25
+from virtual_hw.standin import run_standin
 
 START_NS = 1_700_000_000_000_000_000
 CycleMaker = Callable[..., list[Cycle]]
@@ -124,3 +128,27 @@ def _sensor_bytes(rng: np.random.Generator) -> Iterator[bytes]:
         cut = int(rng.integers(0, len(pending) + 1))
         yield pending[:cut]
         pending = pending[cut:]
+
+
+@contextlib.contextmanager
+def _stand_in(installation: Installation, run_dir: Path, *, lockstep: bool = True, seed: int = 1) -> Iterator[int]:
+    """The arm's stand-in in a process of its own; gives its process id."""
+    context = multiprocessing.get_context("spawn")
+    ready = context.Event()
+    process = context.Process(
+        target=run_standin, args=(installation, None, lockstep, seed, ready.set, run_dir), daemon=True
+    )
+    process.start()
+    try:
+        assert ready.wait(60), "the stand-in did not come up"
+        assert process.pid is not None
+        yield process.pid
+    finally:
+        process.terminate()
+        process.join()
+
+
+@pytest.fixture(scope="session")
+def stand_in() -> Callable[..., contextlib.AbstractContextManager[int]]:
+    """``with stand_in(installation, run_dir, lockstep=True, seed=1) as pid``."""
+    return _stand_in
