@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 from contextlib import ExitStack
 
 from config import Installation
@@ -11,6 +12,8 @@ from driver.cyclic.status import SensorStatus
 from driver.wrench import SensorLost, WrenchParser, WrenchPort, make_parser
 
 LOCKSTEP_TIMEOUT_S = 5.0
+QUIET_S = 0.1
+"""The tail of a configuration's last answer is through the kernel's line by then."""
 
 
 class _Line:
@@ -42,7 +45,7 @@ class WrenchLines:
     def anchor(self, totals: dict[int, int]) -> None:
         """Lockstep, time standing still: everything announced so far is read away; counting starts here."""
         for number, line in enumerate(self._lines):
-            while line.port.read():
+            while select.select([line.port], [], [], QUIET_S)[0] and line.port.read():
                 pass
             line.baseline = totals.get(number, line.port.received) - line.port.received
 
