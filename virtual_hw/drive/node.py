@@ -278,17 +278,18 @@ class DriveNode:
 
     def _measure(self, senses: MotorSenses) -> None:
         """Connect the objects that are measured when they are read."""
-        sign, rated = self.joint.encoder.sign, self.joint.rated_torque_nm
+        permille = self.joint.encoder.sign * 1000.0 / self.joint.rated_torque_nm
         sources: dict[tuple[int, int], Callable[[], int]] = {
-            (0x6077, 0): lambda: _i16(sign * senses.torque_nm() / rated * 1000.0),
+            (0x6077, 0): lambda: _i16(senses.torque_nm() * permille),
             (0x2110, 0): lambda: _i16(senses.temperature_c() * 10.0),
         }
         for phase in range(3):
-            sources[0x2111, phase + 1] = lambda phase=phase: _i16(senses.currents_a()[phase] * 1000.0)  # type: ignore[misc]
+            sources[0x2111, phase + 1] = lambda phase=phase: round(senses.currents_a()[phase] * 1000.0)  # type: ignore[misc]
         for key, source in sources.items():
             if self.store.has(*key):
                 self.store.sources[key] = source
 
 
 def _i16(value: float) -> int:
-    return max(-0x8000, min(0x7FFF, round(value)))
+    rounded = round(value)
+    return rounded if -0x8000 <= rounded <= 0x7FFF else 0x7FFF if rounded > 0 else -0x8000
