@@ -35,7 +35,8 @@ def read_eds(path: Path) -> canopen.ObjectDictionary:
     except OSError as error:
         raise InputError(shown(path), f"cannot be read ({error.strerror})", "check eds of the drive") from None
     except (SyntaxFault, ValueError, KeyError, AttributeError) as error:
-        reason = " ".join(str(error).split())
+        line = getattr(error, "lineno", None)
+        reason = " ".join(str(error).split()) if line is None else f"line {line} is not understood"
         raise InputError(shown(path), f"is not an EDS file ({reason})", "use the vendor's file") from None
 
 
@@ -118,7 +119,7 @@ def _mapping_problem(dictionary: canopen.ObjectDictionary, mapped: PdoObject, wa
     if not variable.pdo_mappable:
         return f"{name} cannot be mapped into a PDO"
     if variable.access_type not in _MAY[way]:
-        return f"{name} is {variable.access_type} and cannot be mapped into a {way.upper()}"
+        return f"{name} is {variable.access_type} and cannot be mapped into {'an RPDO' if way == 'rpdo' else 'a TPDO'}"
     return ""
 
 

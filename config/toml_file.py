@@ -92,6 +92,8 @@ def _explained(mistake: ErrorDetails, model: type[BaseModel], data: dict[str, An
             "is not a key of this section",
             nearest(str(location[-1]), section.model_fields if section else ()),
         )
+    if kind == "missing" and isinstance(location[-1], int):
+        return key_path(location[:-1], data), f"has no value number {location[-1] + 1}", "give as many as are wanted"
     if kind == "missing":
         section = _section_at(model, location[:-1])
         field = section.model_fields.get(str(location[-1])) if section else None
@@ -114,7 +116,10 @@ def _explained(mistake: ErrorDetails, model: type[BaseModel], data: dict[str, An
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
         return place, f"has {context['actual_length']} values where {wanted} are wanted", ""
-    reason = _lower(mistake["msg"]).replace("input should be", "must be")
+    for bound, wanted in (("ge", "at least"), ("gt", "more than"), ("le", "at most"), ("lt", "less than")):
+        if bound in context:
+            return place, f"{mistake['input']} is out of range", f"give {wanted} {context[bound]:g}"
+    reason = _lower(mistake["msg"]).partition(", unable to parse")[0].replace("input should be", "must be")
     return place, f"{reason}, not {_brief(mistake['input'])}", "correct the value"
 
 

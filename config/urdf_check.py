@@ -76,7 +76,7 @@ def check_urdf(installation: Installation, place: str) -> None:
             raise InputError(
                 f"{key}.name", f"{joint.name} comes before {later}, which carries it", "order from the base"
             )
-        _check_limits(installation, k, found, f"{key} ({joint.name}).limits", urdf)
+        _check_limits(installation, k, found, f"{key}.limits", urdf)
     if missing := sorted(movable - set(configured)):
         raise InputError(
             f"{place}: joint",
@@ -95,7 +95,7 @@ def _check_limits(installation: Installation, k: int, found: UrdfJointOutline, k
     low, high = limits.position_rad
     if found.limits is not None and (low < found.limits[0] - _TOLERANCE_RAD or high > found.limits[1] + _TOLERANCE_RAD):
         raise InputError(
-            f"{key}.position_rad",
+            f"{key}.position_rad ({found.name})",
             f"[{low}, {high}] goes beyond [{found.limits[0]}, {found.limits[1]}] of {urdf}",
             "narrow it, or correct the URDF",
         )
@@ -104,7 +104,9 @@ def _check_limits(installation: Installation, k: int, found: UrdfJointOutline, k
         ("torque_nm", limits.torque_nm, found.effort),
     ):
         if bound is not None and value > bound:
-            raise InputError(f"{key}.{name}", f"{value:g} is more than the {bound:g} of {urdf}", "lower it")
+            raise InputError(
+                f"{key}.{name} ({found.name})", f"{value:g} is more than the {bound:g} of {urdf}", "lower it"
+            )
 
 
 def _joint(element: ElementTree.Element, path: Path) -> UrdfJointOutline:
