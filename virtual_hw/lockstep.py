@@ -30,10 +30,13 @@ class Lockstep:
     def handle(self, connection: Connection) -> None:
         """Act on what a connection has sent; the caller has not read it yet."""
         connection.receive()
+        inbox = connection.inbox
         moves_time = connection.bus is self._ports[0].bus
         if not moves_time:
             _forget_past(connection, self._rig.now_ns)
-        if not any(map(is_mark, connection.inbox)):
+            if connection.alive and inbox and is_mark(inbox[-1]):
+                return  # all of it is dated: it waits for the tick on the first bus
+        if not any(map(is_mark, inbox)):
             self._configure(connection)
         elif moves_time:
             self._run(connection)
@@ -83,23 +86,24 @@ class Lockstep:
             rig.advance(due_ns)
             if due_ns == t_ns:
                 break
-        marks = mark(MARK_KIND, t_ns)
-        serial = rig.power_stage.senses.serial_bytes
-        counts = b"".join(mark(SERIAL, number | (total & 0xFFFF_FFFF) << 32) for number, total in enumerate(serial))
-        for port in self._ports:
-            told = counts + marks if port is self._ports[0] else marks
+        told = mark(MARK_KIND, t_ns)
+        for port in self._ports[1:]:
             for connection in port.connections:
                 connection.tell(told)
+        for number, total in enumerate(rig.power_stage.senses.serial_bytes):
+            told = mark(SERIAL, number | (total & 0xFFFF_FFFF) << 32) + told
+        for connection in self._ports[0].connections:
+            connection.tell(told)
 
     def _flush(self) -> None:
+        gone: list[Connection] = []
         for port in self._ports:
-            gone = False
             for connection in port.connections:
                 connection.flush()
-                gone = gone or not connection.alive
-            if gone:
-                for connection in [c for c in port.connections if not c.alive]:
-                    self._drop(connection)
+                if not connection.alive:
+                    gone.append(connection)
+        for connection in gone:
+            self._drop(connection)
 
     def _send_away(self, connection: Connection, reason: str) -> None:
         print(f"{reason}; it was disconnected.", file=sys.stderr)

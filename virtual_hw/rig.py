@@ -76,7 +76,7 @@ class MotorOf:
         self._stage, self._i = stage, i
 
     def torque_nm(self) -> float:
-        return self._stage.torque_nm(self._i)
+        return self._stage.senses.torque[self._i]
 
     def currents_a(self) -> tuple[float, float, float]:
         return self._stage.currents_a(self._i)

@@ -115,6 +115,9 @@ class Bus:
     def run_until(self, t_ns: int) -> None:
         """Carry all traffic whose transmission ends at or before ``t_ns``, reactions of the listeners included."""
         waiting, bit_ns = self._waiting, self._bit_ns
+        if not waiting and self._on_wire is None:
+            self.clock_ns = t_ns
+            return
         while True:
             if self._on_wire is None:
                 free, clock = self._free_ns, self.clock_ns

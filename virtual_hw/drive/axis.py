@@ -144,11 +144,10 @@ class Axis:
         values[self._position] = counts
         values[self._speed] = round(velocity)
         controlword = values[self._controlword]
-        command = decode(controlword)
         if self.state is not PowerState.OPERATION_ENABLED:
-            self._command_disabled(command, controlword)
+            self._command_disabled(decode(controlword), controlword)
         elif controlword != _RUN or self._halted or self._stopping_to is not None or self._reset_bit:
-            self._command_enabled(command, controlword)
+            self._command_enabled(decode(controlword), controlword)
         status = 0
         torque = 0.0
         if self.state in ENERGISED:

@@ -98,9 +98,6 @@ class PowerStage:
         for sensor in self._sensors:
             sensor.advance(self._arm.time_ns)
 
-    def torque_nm(self, i: int) -> float:
-        return self.senses.torque[i]
-
     def currents_a(self, i: int) -> tuple[float, float, float]:
         return self._arm.currents(i)
 

@@ -91,7 +91,7 @@ class MotorState:
         self._mean_share = (1.0 - self._decay) / x
         self._gain, self._gain_per_kelvin = law.gain, law.gain_per_kelvin
         self._dead_zone, self._saturation = law.dead_zone_nm, law.saturation_nm or 0.0
-        self._ripple = ripple
+        self._ripple = ripple if ripple else None
         self.current_nm = 0.0
         thermal = law.thermal
         self._thermal = thermal is not None
@@ -118,7 +118,7 @@ class MotorState:
         torque = mean * self._gain
         if self._gain_per_kelvin:
             torque *= 1.0 + self._gain_per_kelvin * self.kelvin
-        if self._ripple:
+        if self._ripple is not None:
             torque -= torque * self._ripple.at(q)
         if self._dead_zone:
             lost = self._dead_zone

@@ -48,7 +48,8 @@ class DriveTrain:
         angle: float,
     ) -> None:
         self.motor = motor
-        self._friction, self._brake, self._cogging, self._laws = friction, brake, cogging, tuple(laws)
+        self._friction, self._brake, self._laws = friction, brake, tuple(laws)
+        self._cogging = cogging if cogging else None
         self._spring, self._rotor = spring, rotor_inertia
         self._braked = True
         self._drive_torque = 0.0
@@ -71,7 +72,7 @@ class DriveTrain:
             needed += law.torque(q, 0.0, 0.0)
         self._transmitted = needed
         self.angle = q if self._spring is None else q + self._spring.twist_for(needed)
-        self._brake.hold(-needed - self._cogging.at(self.angle))
+        self._brake.hold(-needed - (0.0 if self._cogging is None else self._cogging.at(self.angle)))
 
     def command(self, demand_nm: float, braked: bool) -> None:
         """What holds for the coming tick. A brake that closes begins with relaxed bristles."""
@@ -102,7 +103,7 @@ class DriveTrain:
     def _rub(self, angle: float, speed: float, forecast: float, t: float, h: float) -> float:
         """Motor-side torque into ``force``; returns its implicit coefficient."""
         force, implicit = self._drive_torque, 0.0
-        if self._cogging:
+        if self._cogging is not None:
             force -= self._cogging.at(angle)
         if self._friction is not None:
             self._friction.linearise(angle, speed, forecast, self._transmitted, self.motor.kelvin, t, h)

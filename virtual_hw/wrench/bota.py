@@ -41,7 +41,7 @@ class BotaSensor(Sensor):
 
     def __init__(self, sensor: WrenchSensor, errors: WrenchErrors, transducer: Transducer, line: PtyLine) -> None:
         super().__init__(sensor, transducer, line)
-        self._range = np.array([sensor.range_n] * 3 + [sensor.range_nm] * 3)
+        self._range = [sensor.range_n] * 3 + [sensor.range_nm] * 3
         self._offsets, self._calibration = np.zeros(6), np.eye(6)
         self._calibrated = True
         self._temperature = errors.temperature_c
@@ -58,17 +58,17 @@ class BotaSensor(Sensor):
         self._transducer.start(self.rate_hz, now_ns)
         self._streaming, self._skipped = True, False
 
-    def _frame(self, wrench: np.ndarray, instant_ns: int, skipped: bool) -> bytes:
-        status = Status.SKIPPED_SAMPLES if skipped else Status(0)
-        values = self._calibration @ wrench + self._offsets
-        if (np.abs(wrench) > self._range).any():
+    def _frame(self, wrench: list[float], instant_ns: int, skipped: bool) -> bytes:
+        status = int(Status.SKIPPED_SAMPLES) if skipped else 0
+        values: list[float] = (self._calibration.dot(wrench) + self._offsets).tolist()
+        if any(abs(x) > most for x, most in zip(wrench, self._range, strict=True)):
             status |= Status.OVER_RANGE
-            values = np.clip(values, -self._range, self._range)
+            values = [min(max(x, -most), most) for x, most in zip(values, self._range, strict=True)]
         if not self._calibrated:
             status |= Status.RAW_GAUGES
-            values = wrench / self._range
+            values = [x / most for x, most in zip(wrench, self._range, strict=True)]
         clock_us = self._first_us + int(instant_ns * self._clock_rate) // 1000
-        body = BODY.pack(status, *values.tolist(), clock_us & 0xFFFF_FFFF, self._temperature)
+        body = BODY.pack(status, *values, clock_us & 0xFFFF_FFFF, self._temperature)
         return b"\xaa" + body + struct.pack("<H", crc_x25(body))
 
     def _hear(self, received: bytes, now_ns: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from binascii import crc_hqx
+
 
 def _table(polynomial: int) -> tuple[int, ...]:
     rows = []
@@ -13,16 +15,15 @@ def _table(polynomial: int) -> tuple[int, ...]:
     return tuple(rows)
 
 
-_X25 = _table(0x8408)
+_MIRROR = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _MODBUS = _table(0xA001)
 
 
 def crc_x25(data: bytes) -> int:
     """CRC-16/X-25 (reflected 0x1021, start FFFF, inverted at the end)."""
-    register = 0xFFFF
-    for byte in data:
-        register = register >> 8 ^ _X25[(register ^ byte) & 0xFF]
-    return register ^ 0xFFFF
+    # The same polynomial on mirrored bits is the CCITT sum that the standard library has in C.
+    register = crc_hqx(data.translate(_MIRROR), 0xFFFF)
+    return (_MIRROR[register & 0xFF] << 8 | _MIRROR[register >> 8]) ^ 0xFFFF
 
 
 def crc_modbus(data: bytes) -> int:

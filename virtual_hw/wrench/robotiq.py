@@ -42,11 +42,11 @@ class RobotiqSensor(Sensor):
         self._stops = 0
         transducer.start(RATE_HZ * (1.0 + errors.crystal_ppm * 1e-6), 0)
 
-    def _counts(self, wrench: np.ndarray) -> list[int]:
+    def _counts(self, wrench: list[float]) -> list[int]:
         clipped = np.clip(wrench, -self._range, self._range) * COUNTS
         return [int(c) for c in np.clip(np.rint(clipped), -32768, 32767)]
 
-    def _frame(self, wrench: np.ndarray, instant_ns: int, skipped: bool) -> bytes:
+    def _frame(self, wrench: list[float], instant_ns: int, skipped: bool) -> bytes:
         body = FRAME.pack(HEADER, *self._counts(wrench))
         return body + struct.pack("<H", crc_modbus(body))
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-
 from config.schema import WrenchSensor
 from virtual_hw.wrench.line import PtyLine
 from virtual_hw.wrench.transducer import Transducer
@@ -22,7 +20,7 @@ class Sensor(ABC):
         self._transducer, self._line = transducer, line
         self._streaming = False
         self._skipped = False
-        self.latest = np.zeros(6)
+        self.latest = [0.0] * 6
         """Last output sample, N and N·m in the sensor's frame."""
         self.total_bytes = 0
         """Bytes the line has carried to the host altogether."""
@@ -56,5 +54,5 @@ class Sensor(ABC):
         """Act on what the host has written."""
 
     @abstractmethod
-    def _frame(self, wrench: np.ndarray, instant_ns: int, skipped: bool) -> bytes:
+    def _frame(self, wrench: list[float], instant_ns: int, skipped: bool) -> bytes:
         """One frame of the stream; ``skipped``: samples before this one were not sent."""

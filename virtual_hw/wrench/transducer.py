@@ -52,7 +52,7 @@ class LowPass:
         self._w = np.zeros(self._states + 6)
         self._fresh = True
 
-    def step(self, u: np.ndarray | list[float]) -> np.ndarray:
+    def step(self, u: list[float]) -> list[float]:
         """The filtered sample; the first input is taken as having been there for ever."""
         w, n = self._w, self._states
         w[n:] = u
@@ -61,7 +61,7 @@ class LowPass:
             self._fresh = False
         out = self._matrix @ w
         w[:n] = out[:n]
-        filtered: np.ndarray = out[n:]
+        filtered: list[float] = out[n:].tolist()
         return filtered
 
 
@@ -84,16 +84,17 @@ class Transducer:
         self._seed, self._stream, self._step_s = seed, stream, step_s
         turn = np.kron(np.eye(2), _rotation(np.array(errors.rotation_rad)).T)
         self._gain = (np.array(errors.matrix) if errors.matrix is not None else np.eye(6)) @ turn
-        self._bias, self._drift = np.array(errors.bias), np.array(errors.drift_per_s)
+        self._bias, self._drift = tuple(errors.bias), tuple(errors.drift_per_s)
         self._delay_ns = round(errors.delay_s * 1e9)
         self._analogue = (
             LowPass(profile.analogue_hz, 1.0 / step_s, profile.order) if profile.analogue_hz is not None else None
         )
-        self._before: tuple[int, np.ndarray] | None = None
-        self._integral = np.zeros(6)
-        self._at_last_sample = np.zeros(6)
+        self._before: tuple[int, list[float]] | None = None
+        self._integral = [0.0] * 6
+        self._at_last_sample = [0.0] * 6
         self._sampled = 0
         self._first_ns = 0
+        self._due_ns = 0
         self._starts = 0
 
     def start(self, rate_hz: float, now_ns: int) -> None:
@@ -111,41 +112,57 @@ class Transducer:
         stream = self._stream + STREAMS * self._starts
         self._noise: Iterator[list[float]] = noise_rows(channels, 1.0 / internal, self._seed, stream)
         self._first_ns, self._sampled = now_ns, 0
-        self._at_last_sample = self._integral.copy()
+        self._at_last_sample = self._integral
+        self._schedule()
 
-    def samples(self, now_ns: int) -> list[tuple[int, np.ndarray]]:
+    def _schedule(self) -> None:
+        self._due_ns = self._first_ns + round((self._sampled + 1) * self._period_ns)
+
+    def samples(self, now_ns: int) -> list[tuple[int, list[float]]]:
         """Output samples that fell due by ``now_ns``: (instant in ns, six numbers in N and N·m), oldest first."""
-        due: list[tuple[int, np.ndarray]] = []
+        due: list[tuple[int, list[float]]] = []
         tap, analogue = self._tap, self._analogue
         while tap:
             stamp, true = tap.popleft()
-            self._take(stamp + self._delay_ns, np.array(true) if analogue is None else analogue.step(true), due)
+            self._take(stamp + self._delay_ns, true if analogue is None else analogue.step(true), due)
         return due
 
-    def _take(self, stamp: int, value: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
+    def _take(self, stamp: int, value: list[float], due: list[tuple[int, list[float]]]) -> None:
         """One step of the delayed signal: every internal sample between the last step and this one."""
         if self._before is None:
             self._before = (stamp, value)
             self._first_ns = max(self._first_ns, stamp)
+            self._schedule()
             return
         begin, old = self._before
         span = stamp - begin
         averaging = self._analogue is None
-        while (instant := self._first_ns + round((self._sampled + 1) * self._period_ns)) <= stamp:
+        while (instant := self._due_ns) <= stamp:
             share = max(0.0, (instant - begin) / span)
-            here = old + share * (value - old)
+            here = [a + share * (b - a) for a, b in zip(old, value, strict=True)]
             if averaging:
-                area = self._integral + (0.5 * share * span) * (old + here)
-                here, self._at_last_sample = (area - self._at_last_sample) / self._period_ns, area
+                area, period_ns = self._trapezoid(0.5 * share * span, old, here), self._period_ns
+                here = [(a - b) / period_ns for a, b in zip(area, self._at_last_sample, strict=True)]
+                self._at_last_sample = area
             self._sampled += 1
+            self._schedule()
             self._sample(instant, here, due)
         if averaging:
-            self._integral = self._integral + (0.5 * span) * (old + value)
+            self._integral = self._trapezoid(0.5 * span, old, value)
         self._before = (stamp, value)
 
-    def _sample(self, instant: int, true: np.ndarray, due: list[tuple[int, np.ndarray]]) -> None:
+    def _trapezoid(self, half_span: float, old: list[float], new: list[float]) -> list[float]:
+        """The integral, continued by twice ``half_span`` from ``old`` to ``new``."""
+        return [total + half_span * (a + b) for total, a, b in zip(self._integral, old, new, strict=True)]
+
+    def _sample(self, instant: int, true: list[float], due: list[tuple[int, list[float]]]) -> None:
         # The gauges' errors stand behind the analogue filter here: it is linear and the same for all six channels.
-        reading = self._gain @ true + (self._bias + self._drift * (instant * 1e-9) + next(self._noise))
+        t = instant * 1e-9
+        ideal: list[float] = self._gain.dot(true).tolist()
+        reading = [
+            x + (bias + drift * t + noise)
+            for x, bias, drift, noise in zip(ideal, self._bias, self._drift, next(self._noise), strict=True)
+        ]
         if self._digital is not None:
             reading = self._digital.step(reading)
         if self._sampled % self._profile.oversampling == 0:
