@@ -19,11 +19,14 @@ class Axes:
     def __init__(self, names: Sequence[str]) -> None:
         self._axes = tuple(Axis(name) for name in names)
         self._target = State.SWITCH_ON_DISABLED
+        # Statuswords with which every axis is as wanted: the same again need no second look.
+        self._settled_on: list[int] | None = None
+        self._settled_words: list[int] = []
 
     def words(self, feedback: ArmFeedback, target: State) -> list[int]:
         """Each axis' next controlword towards ``target``; a word is kept while its axis is not heard of."""
         if target is not self._target:
-            self._target = target
+            self._target, self._settled_on = target, None
             for axis in self._axes:
                 _want(axis, target)
         return self._step(feedback)
@@ -41,7 +44,7 @@ class Axes:
     def reset_words(self, feedback: ArmFeedback, *, begin: bool) -> list[int]:
         """Fault resets for the axes in fault; the others stay off."""
         if begin:
-            self._target = State.SWITCH_ON_DISABLED
+            self._target, self._settled_on = State.SWITCH_ON_DISABLED, None
             for axis in self._axes:
                 axis.reset_fault()
         return self._step(feedback)
@@ -89,8 +92,13 @@ class Axes:
         )
 
     def _step(self, feedback: ArmFeedback) -> list[int]:
+        if feedback.statuswords == self._settled_on:
+            return list(self._settled_words)
         now = feedback.time_ns
-        return [axis.step(word, now) for axis, word in zip(self._axes, feedback.statuswords, strict=True)]
+        words = [axis.step(word, now) for axis, word in zip(self._axes, feedback.statuswords, strict=True)]
+        if all(axis.settled for axis in self._axes):
+            self._settled_on, self._settled_words = list(feedback.statuswords), words
+        return list(words)
 
     def _with_torque(self, feedback: ArmFeedback) -> Iterator[str]:
         for i, state in enumerate(feedback.states):

@@ -31,13 +31,16 @@ class Axis:
         self._since_ns: int | None = None
         self._resetting_since_ns: int | None = None
         self._was_enabled = False
-        # Statusword with which everything is as wanted: the same again needs no second look.
-        self._settled_on: int | None = None
 
     @property
     def reached(self) -> bool:
         """Whether the drive is in the wanted state and nothing is under way."""
         return self.state is self.target and self._resetting_since_ns is None
+
+    @property
+    def settled(self) -> bool:
+        """Whether the next step gives the same controlword as long as the statusword stays the same."""
+        return self.reached and self.cause is None
 
     @property
     def enabled(self) -> bool:
@@ -71,8 +74,6 @@ class Axis:
         ``statusword`` is None (or negative) when no feedback came: the last controlword is repeated while the
         time-out runs. ``t_ns`` is any monotonic clock.
         """
-        if statusword is not None and statusword == self._settled_on:
-            return self.controlword
         if statusword is not None and statusword >= 0:
             self._see(statusword, t_ns)
         if self._since_ns is None:
@@ -82,14 +83,12 @@ class Axis:
         elif self.state is not None:
             self.controlword = int(self._towards(self.state))
         self._watch(statusword, t_ns)
-        self._settled_on = statusword if self.reached and self.cause is None else None
         return self.controlword
 
     def _want(self, target: State) -> None:
         if target is not self.target or self.cause is not None or self._resetting_since_ns is not None:
             self._since_ns = None
         self.target, self.cause, self._resetting_since_ns = target, None, None
-        self._settled_on = None
         self._was_enabled = False
 
     def _see(self, statusword: int, t_ns: int) -> None:

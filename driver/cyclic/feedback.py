@@ -24,12 +24,21 @@ class ArmFeedback:
         self.statuswords = [-1] * joints
         self.seen = [False] * joints
         self.time_ns = 0
+        self.complete = False
+        """Whether every joint's feedback arrived in this cycle."""
+        self.unchanged = False
+        """Whether nothing but measurements differs from the cycle before: all joints heard of, the same statuswords."""
 
     def take(self, feedback: Feedback, time_ns: int) -> None:
         """Accept the feedback of the cycle that began at ``time_ns``."""
         self.time_ns = time_ns
+        self.unchanged = self.complete and feedback.statusword == self.statuswords
         self.valid, self.q, self.dq, self.tau = feedback.valid, feedback.q, feedback.dq, feedback.tau
+        if self.unchanged:
+            self.q_known = feedback.q
+            return
         self.statuswords = feedback.statusword
+        self.q_known = list(self.q_known)
         states = self.states
         for i, ok in enumerate(feedback.valid):
             if ok:
@@ -40,7 +49,4 @@ class ArmFeedback:
             else:
                 self.age[i] += 1
                 states[i] = None
-
-    @property
-    def complete(self) -> bool:
-        return all(self.valid)
+        self.complete = all(feedback.valid)

@@ -16,6 +16,8 @@ from driver.cyclic.cycle import LoopState
 
 SLACK = 1e-9
 """Relative slack for the last digit of a command that just touches its limit."""
+ROUNDING = 1 + 1e-6
+"""The same for differences of commands."""
 OVERSPEED = 1.2
 """Measured speed is noisy and overshoots: refused beyond this multiple of the commanded speed's limit."""
 OVERTRAVEL_RAD = 0.05
@@ -47,25 +49,31 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class JointGate:
+    """Bounds of one joint, each with its slack."""
+
     name: str
     low: float
     high: float
     velocity: float
+    step: float
+    """Of the commanded position in one cycle."""
     torque: float
     torque_rate: float
 
-
-def _joint_gate(joint: Joint) -> JointGate:
-    limits = joint.limits
-    low, high = limits.position_rad
-    return JointGate(
-        joint.name,
-        low - SLACK * (1 + abs(low)),
-        high + SLACK * (1 + abs(high)),
-        limits.velocity_rad_s * (1 + SLACK),
-        limits.torque_nm * (1 + SLACK),
-        limits.torque_rate_nm_s,
-    )
+    @classmethod
+    def of(cls, joint: Joint, period_s: float) -> JointGate:
+        limits = joint.limits
+        low, high = limits.position_rad
+        velocity = limits.velocity_rad_s * (1 + SLACK)
+        return cls(
+            joint.name,
+            low - SLACK * (1 + abs(low)),
+            high + SLACK * (1 + abs(high)),
+            velocity,
+            velocity * period_s * ROUNDING,
+            limits.torque_nm * (1 + SLACK),
+            limits.torque_rate_nm_s * ROUNDING,
+        )
 
 
 class Gate:
@@ -75,7 +83,8 @@ class Gate:
         self.period_s = 1.0 / installation.cycle.rate_hz
         self.max_age = installation.cycle.missed_deadlines_to_stop
         """Cycles since a joint's feedback arrived, up to which a command may rest on it."""
-        self._joints = tuple(map(_joint_gate, installation.joint))
+        self._joints = tuple(JointGate.of(joint, self.period_s) for joint in installation.joint)
+        self._bounds = [(g.torque, g.torque_rate, g.low, g.high, g.velocity, g.step) for g in self._joints]
         self._q_d = [0.0] * len(self._joints)
         self._tau = [0.0] * len(self._joints)
 
@@ -104,44 +113,55 @@ class Gate:
         """
         if state not in COMMANDING:
             return self._check_idle(state, words, q_d, tau)
-        last_q, last_tau = self._q_d, self._tau
+        rate_s = torque_interval_s or self.period_s
         stopping = state is LoopState.STOPPING
         reference = position_is_sent or not stopping
-        step_s = self.period_s * (1 + 1e-6)
-        rate_s = (torque_interval_s or self.period_s) * (1 + 1e-6)
-        for i, g in enumerate(self._joints):
-            # Written so that NaN fails every comparison.
-            t = tau[i]
-            if not -g.torque <= t <= g.torque:
-                return Refusal(g.name, "commanded torque", t, math.copysign(g.torque, t), "N·m")
-            change, most = t - last_tau[i], g.torque_rate * rate_s
-            if not -most <= change <= most:
-                return Refusal(g.name, "step of commanded torque", change, math.copysign(most, change), "N·m")
+        # Written so that NaN fails every comparison; `_reason` repeats them one by one where one failed.
+        for i, ((torque, rate, low, high, velocity, step), a, v, t, last_a, last_t) in enumerate(
+            zip(self._bounds, q_d, dq_d, tau, self._q_d, self._tau, strict=True)
+        ):
+            passed = -torque <= t <= torque and -rate * rate_s <= t - last_t <= rate * rate_s
             if reference:
-                a, v = q_d[i], dq_d[i]
-                if not g.low <= a <= g.high:
-                    return Refusal(g.name, "commanded position", a, g.low if a < g.low else g.high, "rad")
-                if not -g.velocity <= v <= g.velocity:
-                    return Refusal(g.name, "commanded velocity", v, math.copysign(g.velocity, v), "rad/s")
-                step, most = a - last_q[i], g.velocity * step_s
-                if not -most <= step <= most:
-                    return Refusal(
-                        g.name, "step of commanded position in a cycle", step, math.copysign(most, step), "rad"
+                passed = passed and low <= a <= high and -velocity <= v <= velocity and -step <= a - last_a <= step
+            if passed and not stopping:
+                if age[i] == 0:
+                    passed = (
+                        low - OVERTRAVEL_RAD <= q[i] <= high + OVERTRAVEL_RAD
+                        and -OVERSPEED * velocity <= dq[i] <= OVERSPEED * velocity
                     )
-            if stopping:
-                continue
-            if age[i] > self.max_age:
-                return Refusal(g.name, "age of feedback", age[i], self.max_age, "cycles")
-            if age[i] == 0:
-                x, w = q[i], dq[i]
-                if not g.low - OVERTRAVEL_RAD <= x <= g.high + OVERTRAVEL_RAD:
-                    limit = g.low - OVERTRAVEL_RAD if x < g.low else g.high + OVERTRAVEL_RAD
-                    return Refusal(g.name, "measured position", x, limit, "rad")
-                if not -OVERSPEED * g.velocity <= w <= OVERSPEED * g.velocity:
-                    return Refusal(g.name, "measured velocity", w, math.copysign(OVERSPEED * g.velocity, w), "rad/s")
-        last_q[:] = q_d
-        last_tau[:] = tau
+                else:
+                    passed = age[i] <= self.max_age
+            if not passed:
+                return self._reason(i, a, v, t, q[i], dq[i], age[i], reference=reference, rate_s=rate_s)
+        self._q_d, self._tau = list(q_d), list(tau)
         return None
+
+    def _reason(
+        self, i: int, a: float, v: float, t: float, x: float, w: float, age: int, *, reference: bool, rate_s: float
+    ) -> Refusal:
+        """The first bound that joint ``i`` violates."""
+        g = self._joints[i]
+        change, most = t - self._tau[i], g.torque_rate * rate_s
+        candidates = [
+            ("commanded torque", t, -g.torque, g.torque, "N·m"),
+            ("step of commanded torque", change, -most, most, "N·m"),
+        ]
+        if reference:
+            candidates += [
+                ("commanded position", a, g.low, g.high, "rad"),
+                ("commanded velocity", v, -g.velocity, g.velocity, "rad/s"),
+                ("step of commanded position in a cycle", a - self._q_d[i], -g.step, g.step, "rad"),
+            ]
+        if age:
+            candidates.append(("age of feedback", float(age), 0.0, float(self.max_age), "cycles"))
+        else:
+            fast = OVERSPEED * g.velocity
+            candidates += [
+                ("measured position", x, g.low - OVERTRAVEL_RAD, g.high + OVERTRAVEL_RAD, "rad"),
+                ("measured velocity", w, -fast, fast, "rad/s"),
+            ]
+        what, value, low, high, unit = next(c for c in candidates if not c[2] <= c[1] <= c[3])
+        return Refusal(g.name, what, value, low if value < low else high, unit)
 
     def _check_idle(
         self, state: LoopState, words: Sequence[int], q_d: Sequence[float], tau: Sequence[float]
@@ -152,6 +172,5 @@ class Gate:
             for what, value, unit in (("commanded position", q_d[i], "rad"), ("commanded torque", tau[i], "N·m")):
                 if not math.isfinite(value):
                     return Refusal(g.name, what, value, 0.0, unit)
-        self._q_d[:] = q_d
-        self._tau[:] = tau
+        self._q_d, self._tau = list(q_d), list(tau)
         return None

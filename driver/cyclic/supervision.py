@@ -122,6 +122,8 @@ class Supervision:
 
     def _feedback(self, feedback: ArmFeedback, found: Findings, *, commanding: bool) -> None:
         overdue = self._cycle - self._heartbeat_cycles
+        if feedback.unchanged and not self._missing and min(self._heard_at) > overdue:
+            return
         for i, age in enumerate(feedback.age):
             if age or i in self._missing:
                 self._gap(i, age, feedback, found, commanding=commanding)
