@@ -35,8 +35,9 @@ def identify_real_arm(out: Path) -> RealArm:
     shown: list[RenderableType] = [
         "",
         "A real arm: the Franka Panda, 7 joints with torque sensors (recorded by Gaz et al. 2019)",
-        f"{answer['samples']} samples, band {answer['band']:.3g} Hz, {len(answer['base_parameters'])} base parameters, "
-        f"{len(answer['effects'])} joint terms; {len(groups['alone'])} parameters identifiable alone, {len(groups['combined'])} in combination",
+        f"{answer['samples']} samples, band {answer['band']:.3g} Hz: {len(answer['base_parameters'])} base parameters "
+        f"and {len(answer['effects'])} joint terms",
+        f"{len(groups['alone'])} parameters identifiable alone, {len(groups['combined'])} in combination",
         *residual_tables(answer),
         f"published for least squares on these samples: {PUBLISHED_RELATIVE_ERROR} %",
     ]

@@ -51,6 +51,8 @@ def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[Rende
             )
     say("3. the links are identified from the recordings")
     outcome = _identified(session, out)
+    for note in outcome.answer["notes"]:
+        say(f"   {note}")
     rows = beside_the_tables(outcome.result)
     say("4. the same identification on a recording of a real arm")
     real = identify_real_arm(out)

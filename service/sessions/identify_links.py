@@ -62,7 +62,6 @@ class IdentifyLinks:
         for k, plan in enumerate(plans):
             path = await self._record(moving, session, plan, _part(tell, k, len(plans)))
             paths.append(path)
-            session.update(recordings=tuple(p.name for p in paths))
         await moving.disable()
         tell("estimating", PLAYING_SHARE)
         count = len(self._learning)
@@ -83,7 +82,7 @@ class IdentifyLinks:
         await moving.go_to(plan.q[0], plan.mode, lambda share: tell("moving to the next start", 0.5 * share))
         metadata = {"motion": plan.name, "mode": plan.mode, "controller": plan.controller}
         return await moving.play_recorded(
-            plan, session.directory, metadata, lambda share: tell(f"playing {plan.name}", 0.5 + 0.5 * share)
+            plan, session, metadata, lambda share: tell(f"playing {plan.name}", 0.5 + 0.5 * share)
         )
 
     def _plan(self, name: str) -> Plan:

@@ -17,6 +17,7 @@ from driver.arm import ArmLoop
 from driver.plan import Controller, Plan
 from driver.recording import RecorderProcess
 from service.outcomes import ArmStopped
+from service.sessions.store import Session
 
 Array = NDArray[np.float64]
 POLL_S = 0.05
@@ -56,19 +57,20 @@ class MovingArm:
         await self._play(plan, progress)
 
     async def play_recorded(
-        self, plan: Plan, directory: Path, metadata: dict[str, str], progress: Callable[[float], None]
+        self, plan: Plan, session: Session, metadata: dict[str, str], progress: Callable[[float], None]
     ) -> Path:
-        """Play ``plan`` from where the arm holds and return its recording in ``directory``.
+        """Play ``plan`` from where the arm holds and return its recording, which the session lists from its beginning.
 
         The recording is closed and kept however the run ends. Raises ArmStopped when the arm stopped meanwhile.
         """
-        await asyncio.to_thread(self.recorder.start_run, plan.name, directory, metadata)
+        path = await asyncio.to_thread(self.recorder.start_run, plan.name, session.directory, metadata)
+        session.update(recordings=(*session.record.recordings, path.name))
         try:
             await asyncio.to_thread(self.loop.run_for, AT_REST_BEFORE_S)
             await self._play(plan, progress)
             await asyncio.to_thread(self.loop.run_for, AT_REST_AFTER_S)
         finally:
-            path = await asyncio.to_thread(self.recorder.stop_run)
+            await asyncio.to_thread(self.recorder.stop_run)
         return path
 
     async def _play(self, plan: Plan, progress: Callable[[float], None]) -> None:

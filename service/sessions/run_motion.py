@@ -49,11 +49,10 @@ class RunMotion:
         await moving.go_to(plan.q[0], plan.mode, lambda share: tell("moving to the start", 0.05 + 0.3 * share))
         path = await moving.play_recorded(
             plan,
-            session.directory,
+            session,
             {"motion": plan.name, "mode": plan.mode, "controller": plan.controller},
             lambda share: tell(f"playing {plan.name}", 0.35 + 0.6 * share),
         )
-        session.update(recordings=(*session.record.recordings, path.name))
         recording = await asyncio.to_thread(read_recording, path)
         return {
             "session": session.id,

@@ -1,0 +1,87 @@
+"""Directories of a test's own, and an arm brought up as processes once for the tests that only ask it things."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.loader import installation_path
+from service.supervision import SupervisedProcess
+
+READY_S = 90.0
+
+
+@dataclass
+class House:
+    """Run and state directories, and the commands of the house on them."""
+
+    folder: Path
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {"ETUDE_RUN": str(self.folder / "run"), "ETUDE_STATE": str(self.folder / "state"), "ETUDE_ARM": ""}
+
+    def popen(self, *arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "service", *arguments],
+            env={**os.environ, **self.environment},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def etude(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """A command, waited for."""
+        process = self.popen(*arguments)
+        out, err = process.communicate(timeout=110)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    def answer(self, *arguments: str) -> dict[str, Any]:
+        """The JSON answer of a command that must succeed."""
+        done = self.etude(*arguments, "--json", "-")
+        assert done.returncode == 0, done.stderr
+        answer: dict[str, Any] = json.loads(done.stdout)
+        return answer
+
+    def arm_files(self, arm: str = "dda") -> Path:
+        """A copy of an arm's files that a test may spoil; returns the installation file."""
+        source = installation_path(arm)
+        shutil.copytree(source.parent, self.folder / "arm")
+        return self.folder / "arm" / source.name
+
+
+@pytest.fixture
+def house(monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
+    """Fresh directories under short paths (AF_UNIX), also for commands run inside the test's own process."""
+    with tempfile.TemporaryDirectory(prefix="etude-t") as folder:
+        made = House(Path(folder))
+        for name, value in made.environment.items():
+            monkeypatch.setenv(name, value)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def running_house() -> Iterator[House]:
+    """The direct drive arm's stand-in and daemon, up in lockstep for all tests of a module."""
+    with tempfile.TemporaryDirectory(prefix="etude-t") as folder:
+        made = House(Path(folder))
+        running = []
+        try:
+            for command in ("virtual", "daemon"):
+                process = SupervisedProcess([command, "--config", "dda", "--lockstep"], made.environment)
+                running.append(process)
+                process.wait_ready(READY_S)
+            yield made
+        finally:
+            for process in reversed(running):
+                process.stop()

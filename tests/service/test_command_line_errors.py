@@ -1,0 +1,147 @@
+"""Wrong input as a new user would give it: one sentence that names place and remedy, exit code 2, nothing moved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.cli.entry import run
+
+CSV = "t,q_joint1,q_joint2,q_joint3,tau_joint1,tau_joint2,tau_joint3\n0.0,1,2,3,1,1,1\n0.1,1,2,3,1,1,1\n"
+
+
+def sentence(capsys: pytest.CaptureFixture[str], code: int, *arguments: str) -> str:
+    """The one sentence on standard error of a command that must end with ``code`` and answer nothing."""
+    assert run(arguments) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    lines = [line for line in shown.err.strip().splitlines() if line.startswith("etude: ")]
+    assert len(lines) == 1, shown.err
+    assert "Traceback" not in shown.err
+    return lines[0]
+
+
+def replaced(old: str, new: str) -> Callable[[str], str]:
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new, 1)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (replaced("rate_hz", "rate_hx"), r"rate_hx.*rate_hz"),
+        (replaced("[cycle]", "[cycle"), r"line \d+"),
+        (replaced("rate_hz = 1000", "rate_hz = 1"), r"cycle\.rate_hz"),
+        (replaced('name = "joint2"', 'name = "joint1"'), r"joint\[1\]\.name.*rename one"),
+        (replaced("position_rad = [0.0, 5.5]", "position_rad = [5.5, 0.0]"), r"joint.*position_rad"),
+        (replaced("rate_hz = 1000", "rate_hz = 4000"), r"µs of 250 µs"),
+        (replaced("node_id = 1", 'node_id = "one"'), r"node_id"),
+    ],
+    ids=["typo", "syntax", "below-minimum", "joint-twice", "limits-swapped", "bus-too-slow", "wrong-type"],
+)
+def test_a_wrong_installation(
+    change: Callable[[str], str], said: str, house: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = house.arm_files()
+    config.write_text(change(config.read_text()))
+    for command in (["check", "--arm"], ["up", "--virtual", "--arm"], ["daemon", "--config"], ["virtual", "--config"]):
+        told = sentence(capsys, 2, *command, str(config))
+        assert re.search(said, told), told
+        assert "installation.toml" in told
+
+
+def test_an_unknown_arm_is_answered_with_the_known_ones(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "dda" in sentence(capsys, 2, "up", "--virtual", "--arm", "dad")
+
+
+def test_an_eds_of_another_drive(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    config = house.arm_files()
+    drives = Path(__file__).parents[2] / "config" / "drives"
+    drive, eds = ((drives / name).read_text() for name in ("etude402_tacho.toml", "etude402.eds"))
+    other, changes = re.subn(r"(\[1018sub2\][^\[]*DefaultValue=)\S+", r"\g<1>0x7777", eds)
+    assert changes == 1
+    (config.parent / "etude402_tacho.toml").write_text(drive.replace("etude402.eds", "other.eds"))
+    (config.parent / "other.eds").write_text(other)
+    told = sentence(capsys, 2, "check", "--arm", str(config))
+    assert "product_code" in told
+    assert "EDS of this drive" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (CSV.replace(",tau_joint2", ",tau_joint9"), "joint"),
+        (CSV.replace("0.1,1,", "0.1,nan,"), "line 3"),
+        (CSV.replace("0.1,", "-0.1,"), "line 3"),
+        (CSV.replace("t,q_", "time,q_"), "t"),
+        ("", "empty|header"),
+    ],
+    ids=["missing-column", "nan", "time-falls", "no-time", "empty"],
+)
+def test_a_wrong_csv(text: str, said: str, house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    path = house.folder / "foreign.csv"
+    path.write_text(text)
+    told = sentence(capsys, 2, "identify", "links", str(path), "--arm", "dda")
+    assert re.search(said, told), told
+    assert "foreign.csv" in told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["identify", "links", "nowhere.mcap", "--arm", "dda"], "nowhere.mcap"),
+        (["identify", "links", "a.csv", "--motion", "dda-practice"], "--motion"),
+        (["identify", "links", "--hold-out", "a.csv"], "--hold-out"),
+        (["identify", "links", "a.csv", "--hold", "torso"], "JOINT=VALUE"),
+        (["identify", "links", "a.csv", "--hold", "torso=up"], "JOINT=VALUE"),
+        (["identify", "links", "a.csv", "--estimator", "magic"], "magic"),
+        (["identify", "links", "a.csv", "--arm", "nothing.urdf"], "nothing.urdf"),
+        (["up", "--lockstep"], "--virtual"),
+        (["fly"], "fly"),
+        (["run"], "MOTION"),
+        (["status", "--jsn"], "--jsn"),
+        (["report", "last"], "session"),
+        (["recover", "nowhere.mcap"], "nowhere.mcap"),
+        (["replay", "nowhere.mcap"], "nowhere.mcap"),
+        (["export", "nowhere.mcap", "out.csv"], "nowhere.mcap"),
+    ],
+)
+def test_wrong_usage(arguments: list[str], said: str, house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said in sentence(capsys, 2, *arguments)
+
+
+@pytest.mark.parametrize("arguments", [["status"], ["stop"], ["reset"], ["run", "dda-practice"], ["identify", "links"]])
+def test_without_a_daemon(arguments: list[str], house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    told = sentence(capsys, 4, *arguments, "--arm", "dda")
+    assert "etude up" in told
+
+
+def test_without_the_stand_in_the_daemon_says_which_bus_is_missing(
+    house: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = house.etude("daemon", "--config", "dda")
+    assert done.returncode == 2
+    told = [line for line in done.stderr.splitlines() if line.startswith("etude: ")]
+    assert len(told) == 1
+    assert "local:dda-can0" in told[0]
+    assert "etude virtual" in told[0]
+
+
+def test_an_interface_that_is_not_there(house: Any) -> None:
+    config = house.arm_files()
+    config.write_text(config.read_text().replace("local:dda-can0", "socketcan:can77"))
+    done = house.etude("daemon", "--config", str(config))
+    assert done.returncode == 2
+    assert "can77" in done.stderr
+
+
+def test_an_answer_that_cannot_be_written(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    told = sentence(capsys, 2, "recordings", "--json", "/nowhere/answer.json")
+    assert "/nowhere/answer.json" in told
