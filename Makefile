@@ -19,7 +19,7 @@ demo: install  ## the main job on the stand-in arm
 test: test-fast test-vcan  ## every test, on the local bus and on SocketCAN
 
 test-fast: install
-	$(BIN)/pytest
+	$(BIN)/pytest -m "not vcan"
 
 test-vcan: install  ## the integration tests on real SocketCAN: this kernel's, else a guest's
 	tests/vcan/run

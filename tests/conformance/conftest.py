@@ -9,13 +9,15 @@ A real drive is enabled in cyclic synchronous position at the position it stands
 from __future__ import annotations
 
 import multiprocessing
+import socket
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
-from config import load_installation
+from config import Installation, load_installation
 from config.loader import load_drive
 from config.schema import Bus, Drive, Joint
 from driver.bus.channel import RECEIVE_BYTES, open_channel
@@ -174,39 +176,59 @@ class Bench:
         return [int.from_bytes(f.data[:2], "little") for f in heard if f.can_id == 0x80 + self.node_id]
 
 
-@pytest.fixture(scope="session")
-def stand_in(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Run directory of the direct drive arm's stand-in in lockstep."""
-    run_dir = tmp_path_factory.mktemp("bench")
+@contextmanager
+def stand_in(installation: Installation, run_dir: Path, *, lockstep: bool) -> Iterator[None]:
+    """The direct drive arm's stand-in on the installation's buses."""
     context = multiprocessing.get_context("spawn")
     ready = context.Event()
     process = context.Process(
-        target=run_standin, args=(load_installation("dda"), None, True, 1, ready.set, run_dir), daemon=True
+        target=run_standin, args=(installation, None, lockstep, 1, ready.set, run_dir), daemon=True
     )
     process.start()
     try:
         assert ready.wait(60), "the stand-in did not come up"
-        yield run_dir
+        yield
     finally:
         process.terminate()
         process.join()
 
 
-@pytest.fixture(scope="session")
-def whole_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def on_socketcan(installation: Installation) -> Installation:
+    """The installation with vcan0, vcan1 … for its buses; skips where this kernel has none."""
+    buses = []
+    for k, bus in enumerate(installation.bus):
+        try:
+            with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as s:
+                s.bind((f"vcan{k}",))
+        except OSError as error:
+            pytest.skip(f"no CAN interface vcan{k} here ({error}); make test-vcan brings one")
+        buses.append(bus.model_copy(update={"channel": f"socketcan:vcan{k}"}))
+    return installation.model_copy(update={"bus": tuple(buses)})
+
+
+@pytest.fixture(scope="session", params=["lockstep", pytest.param("socketcan", marks=pytest.mark.vcan)])
+def whole_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """The drive on the bench: a real one where --channel names it, else the stand-in's first, on either bus."""
     channel = request.config.getoption("--channel", default=None)
     dda = load_installation("dda")
     joint = dda.joint[0]
-    if channel is None:
-        bench = Bench(dda.bus[0].channel, joint, dda.drive_of(joint), request.getfixturevalue("stand_in"), real=False)
-    else:
-        node, name = (request.config.getoption(option, default=None) for option in ("--node", "--drive"))
-        if node is None or name is None:
-            raise pytest.UsageError("--channel needs --node and --drive beside it")
-        joint = joint.model_copy(update={"node_id": node, "name": "bench", "drive": name})
-        bench = Bench(channel, joint, load_drive(name, Path.cwd()), None, real=True)
-    yield bench
-    bench.close()
+    with ExitStack() as stack:
+        if channel is None:
+            lockstep = request.param == "lockstep"
+            dda = dda if lockstep else on_socketcan(dda)
+            run_dir = tmp_path_factory.mktemp("bench")
+            stack.enter_context(stand_in(dda, run_dir, lockstep=lockstep))
+            bench = Bench(dda.bus[0].channel, joint, dda.drive_of(joint), run_dir, real=False)
+        elif request.param == "socketcan":
+            pytest.skip("a real drive is tested once")
+        else:
+            node, name = (request.config.getoption(option, default=None) for option in ("--node", "--drive"))
+            if node is None or name is None:
+                raise pytest.UsageError("--channel needs --node and --drive beside it")
+            joint = joint.model_copy(update={"node_id": node, "name": "bench", "drive": name})
+            bench = Bench(channel, joint, load_drive(name, Path.cwd()), None, real=True)
+        stack.callback(bench.close)
+        yield bench
 
 
 @pytest.fixture
