@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 
 import numpy as np
-from scipy.signal import lfilter
 
 from config.schema import Positive, Section
 from virtual_hw.hidden.quantities import NotNegative
@@ -41,7 +41,12 @@ def noise_rows(channels: Sequence[Noise], period_s: float, seed: int, stream: in
     while True:
         block = rng.standard_normal((BLOCK, len(channels))) * white
         for k in np.flatnonzero(drive):
-            walk, _ = lfilter([drive[k]], [1.0, -rho[k]], rng.standard_normal(BLOCK), zi=[rho[k] * coloured[k]])
+            walk = _walk(float(rho[k]), float(coloured[k]), (drive[k] * rng.standard_normal(BLOCK)).tolist())
             coloured[k] = walk[-1]
             block[:, k] += walk
         yield from block.tolist()
+
+
+def _walk(rho: float, before: float, steps: list[float]) -> list[float]:
+    """x_k = rho·x_{k−1} + step_k, from ``before`` on. In plain Python: scipy.signal takes seconds to import."""
+    return list(accumulate(steps, lambda x, step: rho * x + step, initial=before))[1:]
