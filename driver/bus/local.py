@@ -12,13 +12,16 @@ from config.errors import InputError
 from config.paths import run_directory
 from driver.bus.channel import Channel
 from driver.bus.errors import ChannelClosed, ChannelFault, MarkTimeout, TransmitQueueFull
-from driver.bus.frames import FRAME_BYTES, MARK_ID_BYTES, Mark, MarkKind, iter_frames, pack_mark
+from driver.bus.frames import FRAME_BYTES, MARK_ID, MARK_ID_BYTES, Mark, MarkKind, iter_frames, pack_mark
 
 HELLO_TIMEOUT_S = 5.0
 MARK_TIMEOUT_S = 20.0
 """The stand-in answers a tick at once; this is long enough for a debugger's breakpoint, not for ever."""
 _SOCKET_BYTES = 1 << 20
 _TIMEVAL = struct.Struct("@ll")
+_MARK = struct.Struct("<IB3xQ")
+_NO_WAIT, _WHOLE_LENGTH = int(socket.MSG_DONTWAIT), int(socket.MSG_TRUNC)
+"""Plain numbers: the socket module's flags are enumerations, whose `|` costs more than the system call."""
 
 
 def local_path(name: str, run_dir: Path | None = None) -> Path:
@@ -41,7 +44,7 @@ class LocalChannel(Channel):
         except BaseException:
             self._socket.close()
             raise
-        self._send_flags = 0 if self.lockstep else socket.MSG_DONTWAIT
+        self._send_flags = 0 if self.lockstep else _NO_WAIT
 
     def send(self, data: bytes | bytearray | memoryview) -> None:
         try:
@@ -53,7 +56,7 @@ class LocalChannel(Channel):
 
     def drain(self, buffer: bytearray, filled: int = 0) -> int:
         with memoryview(buffer) as view:
-            while (end := self._receive(view, filled, socket.MSG_DONTWAIT)) != filled:
+            while (end := self._receive(view, filled, _NO_WAIT)) != filled:
                 filled = self._take_marks(buffer, filled, end)
         return filled
 
@@ -90,7 +93,7 @@ class LocalChannel(Channel):
         """One packet behind ``filled``; returns ``filled`` itself when none came (at once, or within the time-out)."""
         room = len(view) - filled
         try:
-            count = self._socket.recv_into(view[filled:], 0, flags | socket.MSG_TRUNC)
+            count = self._socket.recv_into(view[filled:], 0, flags | _WHOLE_LENGTH)
         except BlockingIOError:
             return filled
         except OSError as error:
@@ -105,20 +108,22 @@ class LocalChannel(Channel):
 
     def _take_marks(self, buffer: bytearray, start: int, end: int) -> int:
         """Note the marks among ``buffer[start:end]`` and close the gaps they leave; returns the new end."""
-        if buffer.find(MARK_ID_BYTES, start, end) < 0:
+        first = buffer.find(MARK_ID_BYTES, start, end)
+        if first < 0:
             return end
-        write = start
-        for read in range(start, end, FRAME_BYTES):
-            if buffer.startswith(MARK_ID_BYTES, read):
-                self._note(buffer[read : read + FRAME_BYTES])
+        # Frames before the first mark stay where they are; the pattern may also stand in a frame's data.
+        write = first = first - (first - start) % FRAME_BYTES
+        for read in range(first, end, FRAME_BYTES):
+            can_id, kind, value = _MARK.unpack_from(buffer, read)
+            if can_id == MARK_ID:
+                self._note(kind, value)
                 continue
             if write != read:
                 buffer[write : write + FRAME_BYTES] = buffer[read : read + FRAME_BYTES]
             write += FRAME_BYTES
         return write
 
-    def _note(self, frame: bytes | bytearray) -> None:
-        kind, value = frame[4], int.from_bytes(frame[8:16], "little")
+    def _note(self, kind: int, value: int) -> None:
         if kind == MarkKind.MARK:
             self.mark_ns = value
         elif kind == MarkKind.SERIAL:

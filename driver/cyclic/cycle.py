@@ -23,8 +23,7 @@ class LoopState(IntEnum):
     """Stopped on a fault; the cause is kept until it is acknowledged."""
 
 
-@dataclass(frozen=True, slots=True)
-class WrenchSample:
+class WrenchSample(NamedTuple):
     """Force and torque in the sensor's frame, N and N·m; ``fresh`` is False when nothing valid came this cycle."""
 
     values: tuple[float, float, float, float, float, float]

@@ -10,6 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from config import Installation
 from config.bus_time import feedback_window_ns
@@ -27,8 +28,7 @@ LATEST_START = 0.5
 """Share of the period up to which a late cycle still begins; later it is skipped, so two SYNCs are never close."""
 
 
-@dataclass(frozen=True, slots=True)
-class Begun:
+class Begun(NamedTuple):
     """A cycle that has begun: the instant of its SYNC, how late it was, and how many cycles were skipped before it."""
 
     time_ns: int

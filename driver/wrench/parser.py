@@ -33,6 +33,7 @@ class SampleStatus(IntFlag):
 
 GOOD_DESPITE = SampleStatus.SKIPPED
 """Status bits with which a sample still counts."""
+_SPOILS = ~int(GOOD_DESPITE)
 
 
 class WrenchParser(ABC):
@@ -114,7 +115,7 @@ class WrenchParser(ABC):
             status |= SampleStatus.NOT_FINITE
         elif max(map(abs, wrench[:3])) > force or max(map(abs, wrench[3:])) > torque:
             status |= SampleStatus.BEYOND_CONFIGURED_RANGE
-        fresh = not status & ~GOOD_DESPITE
+        fresh = not status & _SPOILS
         if fresh:
             self.samples += 1
             self.last_good_ns = now_ns
