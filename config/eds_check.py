@@ -87,7 +87,8 @@ def variable_at(dictionary: canopen.ObjectDictionary, index: int, subindex: int)
         return None
     if isinstance(entry, canopen.objectdictionary.ODVariable):
         return entry if subindex == 0 else None
-    return entry.get(subindex)
+    # Not entry.get: canopen makes up the entries of an array that the EDS does not list.
+    return entry.subindices.get(subindex)
 
 
 def raw_range(variable: Any) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from config.errors import InputError
 
+_SHARED = Path("/tmp")
 MODE = 0o750
 """Group members may enter and read; nobody else."""
 
@@ -25,7 +26,7 @@ def run_directory() -> Path:
         return Path("/run/etude")
     if session := os.environ.get("XDG_RUNTIME_DIR"):
         return _made(Path(session) / "etude", "set ETUDE_RUN to a directory that this user can write")
-    path = _made(Path("/tmp") / f"etude-{os.getuid()}", "set ETUDE_RUN to a directory that this user can write")
+    path = _made(_SHARED / f"etude-{os.getuid()}", "set ETUDE_RUN to a directory that this user can write")
     if path.is_symlink() or path.stat().st_uid != os.getuid() or path.stat().st_mode & stat.S_IWOTH:
         raise InputError(str(path), "belongs to another user or is open to all", "remove it, or set ETUDE_RUN")
     return path

@@ -7,10 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from config.errors import InputError, WrongKey
 from config.motion.curves import Array, Curve, Fourier, RestToRest, Spline
@@ -84,11 +84,16 @@ class Joints:
 
 
 class ThroughPoints(MotionFile):
-    """Way points, a row each, in degrees or in rad; ``duration_s`` of every stretch, or a list with one a stretch."""
+    """Way points, a row each, in degrees or in rad; ``duration_s`` is one number for all stretches, or one for each."""
 
     way_points_deg: Rows | None = None
     way_points_rad: Rows | None = None
-    duration_s: Positive | tuple[Positive, ...]
+    duration_s: tuple[Positive, ...]
+
+    @field_validator("duration_s", mode="before")
+    @classmethod
+    def _for_all(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, int | float) else value
 
     @model_validator(mode="after")
     def _stretches(self) -> ThroughPoints:
@@ -97,7 +102,7 @@ class ThroughPoints(MotionFile):
         key, rows = self._given
         if len(rows) < 2:
             raise WrongKey(key, "has a single way point", "give where the motion begins and where it ends")
-        if isinstance(self.duration_s, tuple) and len(self.duration_s) != len(rows) - 1:
+        if len(self.duration_s) not in (1, len(rows) - 1):
             raise WrongKey(
                 "duration_s",
                 f"has {len(self.duration_s)} durations for {len(rows) - 1} stretches",
@@ -118,9 +123,8 @@ class ThroughPoints(MotionFile):
         return joints.poses(key, [[angle * unit for angle in row] for row in rows])
 
     def durations(self) -> list[float]:
-        if isinstance(self.duration_s, tuple):
-            return list(self.duration_s)
-        return [self.duration_s] * (len(self._given[1]) - 1)
+        stretches = len(self._given[1]) - 1
+        return list(self.duration_s) * (stretches if len(self.duration_s) == 1 else 1)
 
 
 class PolynomialFile(ThroughPoints):

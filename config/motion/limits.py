@@ -72,8 +72,9 @@ def velocity_and_acceleration(sampled: SampledMotion, installation: Installation
             ("velocity", "rad/s", sampled.dq[:, i], joint.limits.velocity_rad_s, 1.0),
             ("acceleration", "rad/s²", sampled.ddq[:, i], joint.limits.acceleration_rad_s2, 0.5),
         ):
-            k = int(np.argmax(np.abs(values)))
-            ratio = abs(float(values[k])) / limit
+            size = np.abs(values)
+            k = int(np.argmax(size >= (1 - _SLACK) * size.max()))  # of equal peaks the first
+            ratio = float(size[k]) / limit
             if ratio > 1 + _SLACK:
                 found.append(
                     Excess(joint.name, quantity, unit, float(values[k]), limit, float(sampled.t[k]), ratio**power)
