@@ -98,7 +98,9 @@ def nearest_consistent(base: BaseParameters, beta: Array, covariance: Array, pri
         gradient = combination.T @ (combination @ psi - target) + _PRIOR_WEIGHT * slope
         hessian = combination.T @ combination + _PRIOR_WEIGHT * curvature
         scale = np.sqrt(np.diag(hessian))
-        step = -np.linalg.solve(hessian / np.outer(scale, scale), gradient / scale) / scale
+        # Where no body can have the parameters the answer lies at the edge of the possible ones, and the curvature
+        # there is beyond what double precision solves: the least-squares step still descends.
+        step = -np.linalg.lstsq(hessian / np.outer(scale, scale), gradient / scale, rcond=None)[0] / scale
         decrease = -float(gradient @ step)
         if decrease < _DECREMENT * _PRIOR_WEIGHT:
             break
