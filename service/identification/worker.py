@@ -6,10 +6,12 @@ import asyncio
 import multiprocessing
 import os
 import signal
+import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from config import InputError
 from service.identification.request import LinksRequest
 
 NICENESS = 10
@@ -57,6 +59,8 @@ def _work(connection: Connection, request: LinksRequest) -> None:
     try:
         outcome = identify(request, lambda stage, share: connection.send(("progress", (stage, share))))
     except Exception as error:
+        if not isinstance(error, InputError):
+            error.add_note("".join(traceback.format_exception(error)))  # a traceback does not travel by itself
         connection.send(("raised", error))
     else:
         connection.send(("answer", outcome.answer))
