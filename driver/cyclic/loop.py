@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -10,16 +9,16 @@ from config import InputError, Installation
 from config.schema import Mode
 from driver.cia402.commission import commission
 from driver.cia402.pdo import CommandNotRepresentable, PdoCodec, heartbeat
+from driver.cyclic.commanding import Answer, Command
 from driver.cyclic.cycle import LoopState, WrenchSample
 from driver.cyclic.exchange import Begun, Exchange, LockstepExchange, open_exchange
 from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.gate import COMMANDING, Gate
-from driver.cyclic.last_frames import LastFrames
-from driver.cyclic.lateness import Lateness
-from driver.cyclic.machine import Answer, ArmMachine, Command
+from driver.cyclic.machine import ArmMachine
 from driver.cyclic.ring import RingWriter
-from driver.cyclic.slot import Serial
-from driver.cyclic.status import BusStatus, LoopStatus, RealtimeReport
+from driver.cyclic.slot import Batch, Serial
+from driver.cyclic.statistics import LoopStatistics
+from driver.cyclic.status import LoopStatus, RealtimeReport
 from driver.cyclic.supervision import Supervision
 from driver.cyclic.wrench_lines import WrenchLines
 from driver.gravity import RigidBody
@@ -54,16 +53,13 @@ class CyclicLoop:
         self._feedback = ArmFeedback(len(self._names))
         self._gate = Gate(installation)
         self._supervision = Supervision(installation)
-        self._frames = LastFrames([bus.name for bus in installation.bus])
-        self._lateness = Lateness()
-        self._index = self._missed = self._good = self._runs = 0
-        self._time_ns = 0
+        self._statistics = LoopStatistics(installation)
+        self._runs = self._time_ns = 0
         self._good_start_ns = GOOD_START * installation.cycle.period_ns
         self._beat_every = max(1, round(installation.cycle.heartbeat_ms * 1e-3 * installation.cycle.rate_hz / 2))
         self._since_beat = self._beat_every
         self._events: list[str] = []
         self._waits: deque[tuple[int, Answer]] = deque()
-        self._cpu = (time.process_time_ns(), 0)
         self._needs_commissioning = self._in_charge = False
         self._state_before = LoopState.COMMISSIONING
         self._exchange: Exchange | None = None
@@ -115,7 +111,7 @@ class CyclicLoop:
     def run_for(self, seconds: float, answer: Answer) -> None:
         """Answer when that much of the loop's time has passed."""
         cycles = max(1, round(seconds * self.installation.cycle.rate_hz))
-        self._waits.append((self._index + cycles, answer))
+        self._waits.append((self._statistics.cycles + cycles, answer))
 
     @property
     def machine(self) -> ArmMachine:
@@ -160,16 +156,14 @@ class CyclicLoop:
         command = self._admitted(machine.step(feedback, found.causes))
         # Heartbeats go on while the other axes are brought to rest, however one of them fell silent.
         good = punctual and self._in_charge
-        self._send(exchange, command, good)
-        self._publish(exchange, begun, command, wrench, serial)
+        command = self._send(exchange, command, good)
+        batches = exchange.take_batches()
+        self._publish(begun, command, wrench, batches, serial)
+        self._statistics.add(begun, batches, good=good, complete=punctual and feedback.complete)
         if machine.state is LoopState.STOPPING and self._state_before is not LoopState.STOPPING:
-            self._frames.freeze()
+            self._statistics.frames.freeze()
         self._state_before = machine.state
-        self._index += 1 + begun.skipped
-        self._missed += begun.skipped + (not (punctual and feedback.complete))
-        self._good += good
-        self._lateness.add(begun.late_ns)
-        while self._waits and self._waits[0][0] <= self._index:
+        while self._waits and self._waits[0][0] <= self._statistics.cycles:
             self._waits.popleft()[1](None)
 
     def _admitted(self, command: Command) -> Command:
@@ -182,7 +176,7 @@ class CyclicLoop:
             reason = self._refusal(command)
             if reason is not None:
                 self._events.append(f"gate: {reason}; the drives stop by themselves")
-                command = self.machine.quick_stop()
+                command = self.machine.failed(reason)
                 self._in_charge = False
         return command
 
@@ -194,37 +188,37 @@ class CyclicLoop:
         )  # fmt: skip
         return None if refusal is None else str(refusal)
 
-    def _send(self, exchange: Exchange, command: Command, good: bool) -> None:
+    def _send(self, exchange: Exchange, command: Command, good: bool) -> Command:
+        """Send the command; returns what was really sent."""
+        encode = exchange.codec.encode
         try:
-            frames = exchange.codec.encode(command.words, command.q_d, command.dq_d, command.tau)
+            frames = encode(command.words, command.q_d, command.dq_d, command.tau)
         except CommandNotRepresentable as problem:
-            # Nothing goes out: the drives miss their RPDO, and the stop that follows takes over next cycle.
-            self._events.append(str(problem))
-            self.machine.stop(str(problem))
-            frames = []
+            self._events.append(f"{problem}; the drives stop by themselves")
+            command = self.machine.failed(str(problem))
+            # What was sent last can be sent again.
+            frames = encode(command.words, command.q_d, command.dq_d, command.tau)
         self._since_beat += 1
-        if good and self._since_beat >= self._beat_every and frames:
+        if good and self._since_beat >= self._beat_every:
             self._since_beat = 0
             frames = [data + self._beat for data in frames]
-        if frames:
-            exchange.command(frames)
-            self.machine.sent(command)
+        exchange.command(frames)
+        self.machine.sent(command)
+        return command
 
     def _publish(
         self,
-        exchange: Exchange,
         begun: Begun,
         command: Command,
         wrench: WrenchSample | None,
+        batches: Sequence[Batch],
         serial: Sequence[Serial],
     ) -> None:
         fb, machine = self._feedback, self.machine
-        batches = exchange.take_batches()
-        self._frames.add(batches)
         events, self._events = self._events, []
         valid = self._all if fb.complete else sum(1 << i for i, ok in enumerate(fb.valid) if ok)
         self.ring.publish(
-            self._index, begun.time_ns, begun.late_ns, machine.state, machine.playing_run, valid,
+            self._statistics.cycles, begun.time_ns, begun.late_ns, machine.state, machine.playing_run, valid,
             [*fb.q, *fb.dq, *fb.tau, *command.q_d, *command.dq_d, *command.tau, *command.tau_ff],
             wrench, batches, serial, events,
         )  # fmt: skip
@@ -249,7 +243,7 @@ class CyclicLoop:
             raise
         self._needs_commissioning = False
         self._beat = heartbeat(commissioned.master_node)
-        self._frames_at = self._exchange.now_ns, [0] * len(self._exchange.counts)
+        self._statistics.begin_traffic(self._exchange)
         self._supervision.forget()
         self._feedback = ArmFeedback(len(self._names))
         self._machine = ArmMachine(self.installation, mode, self.body, self._announce)
@@ -270,9 +264,7 @@ class CyclicLoop:
         """The loop now, as plain data."""
         fb, machine, exchange = self._feedback, self.machine, self._exchange
         run = machine.run
-        cpu_ns, cycles = time.process_time_ns(), self._index
-        cpu_us = (cpu_ns - self._cpu[0]) / 1e3 / max(1, cycles - self._cpu[1])
-        self._cpu = cpu_ns, cycles
+        count = self._statistics
         return LoopStatus(
             state=machine.state,
             mode=machine.mode,
@@ -288,29 +280,18 @@ class CyclicLoop:
             last_run=self._runs,
             progress=0.0 if run is None else run.follow.progress,
             run_outcome=None if run is None else run.outcome,
-            cycles=self._index,
-            good_cycles=self._good,
-            missed=self._missed,
-            lateness_us=tuple(self._lateness.counts),
-            lateness_max_us=self._lateness.worst_ns / 1e3,
-            cpu_us=cpu_us,
+            cycles=count.cycles,
+            good_cycles=count.good,
+            missed=count.missed,
+            lateness_us=tuple(count.lateness.counts),
+            lateness_max_us=count.lateness.worst_ns / 1e3,
+            cpu_us=count.cpu_us(),
             lockstep=self.lockstep,
             realtime=self.realtime,
-            buses=() if exchange is None else self._bus_status(exchange),
+            buses=() if exchange is None else count.bus_status(exchange),
             sensors=() if self._lines is None else self._lines.status(),
-            last_frames=self._frames.frozen,
+            last_frames=count.frames.frozen,
         )
-
-    def _bus_status(self, exchange: Exchange) -> tuple[BusStatus, ...]:
-        now = exchange.now_ns
-        elapsed_s = max(1, now - self._frames_at[0]) / 1e9
-        found = []
-        for k, (bus, count) in enumerate(zip(self.installation.bus, exchange.counts, strict=True)):
-            frames = count.sent + count.received - self._frames_at[1][k]
-            load = frames * self._frames.bits_per_frame(k) / bus.bitrate / elapsed_s
-            found.append(BusStatus(bus.name, count.sent, count.received, load, count.errors))
-        self._frames_at = now, [count.sent + count.received for count in exchange.counts]
-        return tuple(found)
 
     def _live(self) -> Exchange:
         if self._exchange is None:

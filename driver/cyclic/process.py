@@ -15,9 +15,9 @@ from collections.abc import Callable
 from types import FrameType
 
 from config import InputError
+from driver.cyclic.commanding import Answer
 from driver.cyclic.cycle import LoopState
 from driver.cyclic.loop import CyclicLoop
-from driver.cyclic.machine import Answer
 from driver.cyclic.messages import Reply, Request, Start, plan_from_memory, receive, send
 from driver.cyclic.realtime import become_realtime
 from driver.cyclic.ring import RingWriter
