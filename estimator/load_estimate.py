@@ -1,0 +1,152 @@
+"""What the identification of a load found: the load, the sensor's offsets, what is left, and how far to trust it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from estimator.load_fit import LoadFit
+from estimator.load_parameters import Measured, RigidLoad
+from estimator.load_rigidity import Rigidity
+from estimator.load_rows import Form, LoadLayout
+from estimator.rigid_body import PARAMETERS
+from estimator.wrench_regressor import CHANNELS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoadEstimate:
+    """Result of `identify_load`; parameters in the sensor's frame, SI units."""
+
+    load: RigidLoad
+    """Without the hand, where one was given."""
+    fit: LoadFit
+    layout: LoadLayout
+    band: float
+    """Hz of the low-pass that regressor and wrench went through."""
+    samples: int
+    rows: int
+    form: Form
+    rigid: Rigidity
+    warnings: tuple[str, ...]
+
+    @property
+    def offset(self) -> Measured:
+        """(6,) N, N·m at session time zero; NaN for channels that were not fitted."""
+        return self._sensor("offset")
+
+    @property
+    def drift(self) -> Measured:
+        """(6,) N/s, N·m/s."""
+        return self._sensor("drift")
+
+    @property
+    def wrench_residual(self) -> dict[str, dict[str, float]]:
+        """Of each fitted channel: ``rms`` N or N·m in the band, ``relative`` to the measured wrench."""
+        rms, power = np.sqrt(self.fit.autocovariance[:, 0]), np.sqrt(self.fit.power)
+        return {
+            CHANNELS[c]: {"rms": float(r), "relative": float(r / p) if p > 0.0 else 0.0}
+            for c, r, p in zip(self.layout.channels, rms, power, strict=True)
+        }
+
+    def interval(self, measured: Measured, level: float = 0.95) -> Array:
+        """(…, 2) confidence interval of one of the load's quantities."""
+        reach = measured.standard_error * student.isf((1.0 - level) / 2.0, self.fit.degrees_of_freedom)
+        return np.stack([measured.value - reach, measured.value + reach], axis=-1)
+
+    @cached_property
+    def all_warnings(self) -> tuple[str, ...]:
+        """Those of the recordings, and what of the load cannot be told."""
+        return (*self.warnings, *load_warnings(self.load), *_rigid_warning(self.rigid))
+
+    @property
+    def status(self) -> str:
+        """``identified``, or what stands against it."""
+        if not np.isfinite(self.load.parameters).all():
+            return "too little motion"
+        return "not rigid" if self.rigid.verdict == "not rigid" else "identified"
+
+    def as_json(self) -> dict[str, Any]:
+        """The answer of ``identify load``; what the data do not tell is null. Intervals of a load that is not rigid
+        mean nothing: its standard errors are withheld."""
+        held = self.rigid.verdict == "not rigid"
+        axes = self.load.principal_axes
+        return {
+            "mass": _entry(self.load.mass, "kg", held),
+            "centre": _entry(self.load.centre, "m", held),
+            "inertia": _entry(self.load.inertia, "kg·m²", held),
+            "principal_moments": _entry(self.load.principal_moments, "kg·m²", held),
+            "principal_axes": {
+                "value": plain(np.where(axes.told[:, None], axes.value, np.nan)),
+                "standard_error": plain(np.full(3, np.nan) if held else axes.standard_error),
+                "unit": "rad",
+            },
+            "wrench_residual": self.wrench_residual,
+            "rigid": {
+                "verdict": self.rigid.verdict,
+                "p_value": self.rigid.p_value,
+                "noise_from": self.rigid.noise_from,
+                "detectable_share": self.rigid.detectable,
+            },
+            "offset": _entry(self.offset, "N, N·m", held),
+            "drift": _entry(self.drift, "N/s, N·m/s", held),
+            "samples": self.samples,
+            "rows": self.rows,
+            "band_hz": self.band,
+            "form": self.form,
+            "status": self.status,
+            "warnings": list(self.all_warnings),
+        }
+
+    def _sensor(self, kind: str) -> Measured:
+        value, covariance = np.full(6, np.nan), np.diag(np.full(6, np.inf))
+        for place, name in enumerate(self.layout.names, 10):
+            if name.startswith(kind):
+                channel = CHANNELS.index(name.split()[1])
+                value[channel], covariance[channel, channel] = self.fit.value[place], self.fit.covariance[place, place]
+        return Measured(value, covariance)
+
+
+def load_warnings(load: RigidLoad) -> list[str]:
+    """What of a load cannot be told, and what would tell it."""
+    result = []
+    unknown = [name for name, x in zip(PARAMETERS, load.parameters, strict=True) if not np.isfinite(x)]
+    if unknown:
+        result.append(f"the motion does not tell {', '.join(unknown)}: turn the load faster, about all three axes")
+        return result
+    moments = load.principal_moments
+    if not np.all(moments.value > 2.0 * moments.standard_error):
+        result.append("principal moments are within their errors of zero: turn the load faster, about all three axes")
+    elif moments.value[0] > moments.value[1] + moments.value[2] + 2.0 * np.sum(moments.standard_error):
+        result.append("the principal moments are those of no real body: check the sensor's frame and calibration")
+    told = load.principal_axes.told
+    if not told.all():
+        which = ", ".join(str(k + 1) for k in np.flatnonzero(~told))
+        result.append(f"principal axes {which} cannot be told: their moments are equal within their errors")
+    if load.parameters[0] < 2.0 * load.mass.standard_error:
+        result.append("the mass is within its error of zero: is there a load, and is the wrench's sign right?")
+    return result
+
+
+def plain(x: Array) -> Any:
+    """Numbers and lists for JSON; what is not finite is null."""
+    if np.ndim(x) == 0:
+        return float(x) if np.isfinite(x) else None
+    return [plain(row) for row in x]
+
+
+def _entry(measured: Measured, unit: str, held: bool) -> dict[str, Any]:
+    error = np.full(np.shape(measured.value), np.nan) if held else measured.standard_error
+    return {"value": plain(measured.value), "standard_error": plain(error), "unit": unit}
+
+
+def _rigid_warning(rigid: Rigidity) -> list[str]:
+    if rigid.verdict == "not rigid":
+        return [f"no rigid body explains the wrench (p = {rigid.p_value:.1g}): standard errors are withheld"]
+    return [f"rigidity is untested: {rigid.reason}"] if rigid.verdict == "untested" else []
