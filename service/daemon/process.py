@@ -58,10 +58,11 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
         recorder = await asyncio.to_thread(RecorderProcess.start, installation, ring, store.directory)
         stack.push_async_callback(asyncio.to_thread, recorder.close)
         conductor = Conductor(MovingArm(installation, loop, recorder), store)
-        stack.push_async_callback(conductor.end, "the daemon was asked to end")
         server = Server(commands_of(conductor), control_socket(run_directory(), arm), look_socket(run_directory(), arm))
         await server.start()
         stack.push_async_callback(server.close)
+        # First of all, while clients are still connected: the session's end is their answer.
+        stack.push_async_callback(conductor.end, "the daemon was asked to end")
         watching = asyncio.create_task(_feed_watchdog(loop, lockstep, ending))
         if not notify("READY=1", f"STATUS=serving {arm}"):
             say(f"etude daemon: serving {arm} at {control_socket(run_directory(), arm)}")

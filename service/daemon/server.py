@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 GROUP = "etude"
 REQUESTS_AT_ONCE = 16
 """A client that has more requests open than this is read no further until some are answered."""
+LAST_WORDS_S = 1.0
+"""How long answers may take to go out once the server closes."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class Server:
         self._addresses = ((control, 0o660, False), (look, 0o666, True))
         self._servers: list[asyncio.Server] = []
         self._connections: set[asyncio.Task[None]] = set()
+        self._closing = False
 
     async def start(self) -> None:
         for path, mode, looks_only in self._addresses:
@@ -74,15 +77,18 @@ class Server:
                 self._connections.add(task)
                 try:
                     await self._converse(reader, writer, looks_only)
+                except asyncio.CancelledError:
+                    log.debug("the conversation ended with the server")
                 finally:
                     self._connections.discard(task)
 
             self._servers.append(await asyncio.start_unix_server(connected, sock=line, limit=LINE_LIMIT))
 
     async def close(self) -> None:
-        """Stop listening, end all conversations and remove the sockets."""
+        """Stop listening, let answers that are due go out, end all conversations and remove the sockets."""
         for server in self._servers:
             server.close()
+        self._closing = True
         for task in list(self._connections):
             task.cancel()
         await asyncio.gather(*self._connections, return_exceptions=True)
@@ -127,6 +133,8 @@ class Server:
         except ConnectionError:
             pass
         finally:
+            if self._closing and open_calls:
+                await asyncio.wait(open_calls, timeout=LAST_WORDS_S)
             for task in open_calls:
                 task.cancel()
             await asyncio.gather(*open_calls, return_exceptions=True)

@@ -53,9 +53,12 @@ class Conductor:
         self.moving = moving
         self.store = store
         self.current: RunningSession | None = None
+        self._ending = False
 
     def start(self, procedure: Procedure, *, attached: bool, uid: int) -> RunningSession:
-        """Begin a session. Raises InputError when another one has the arm."""
+        """Begin a session. Raises InputError when another one has the arm, or the daemon is ending."""
+        if self._ending:
+            raise InputError(f"arm {self.store.arm}", "its daemon is ending", "start it again")
         if self.current is not None and not self.current.work.done():
             busy = self.current
             raise InputError(
@@ -86,7 +89,8 @@ class Conductor:
         await asyncio.wait([running.work])
 
     async def end(self, cause: str) -> None:
-        """End the running session, if any, because the daemon ends."""
+        """End the running session, if any, because the daemon ends; none begins any more."""
+        self._ending = True
         if self.current is not None:
             await self.cancel(self.current, cause)
 
