@@ -18,7 +18,9 @@ from service.daemon.commands import commands_of
 from service.daemon.lock import ArmLock
 from service.daemon.protocol import control_socket, look_socket
 from service.daemon.server import Server
-from service.daemon.systemd import notify, watchdog_interval_s
+from service.daemon.systemd import notify
+from service.daemon.watchdog import watch
+from service.outcomes import ArmStopped
 from service.sessions.conductor import Conductor
 from service.sessions.moving import MovingArm
 from service.sessions.store import SessionStore
@@ -29,7 +31,8 @@ log = logging.getLogger(__name__)
 def run_daemon(config: str, *, lockstep: bool) -> None:
     """Serve the arm of the installation ``config`` until SIGTERM or SIGINT.
 
-    Raises InputError with one sentence when the arm cannot be served; nothing is left running then.
+    Raises InputError with one sentence when the arm cannot be served, ArmStopped when the cyclic loop ends by itself;
+    nothing is left running then.
     """
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     installation = load_installation(config)
@@ -51,9 +54,7 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
     ring = f"etude-{arm}-{os.getpid()}"
     async with AsyncExitStack() as stack:
         notify("STATUS=commissioning the drives")
-        loop = await asyncio.to_thread(
-            ArmLoop.start, installation, lockstep=lockstep, ring_name=ring, progress=lambda text: _tell(text)
-        )
+        loop = await asyncio.to_thread(ArmLoop.start, installation, lockstep=lockstep, ring_name=ring, progress=_tell)
         stack.push_async_callback(asyncio.to_thread, loop.close)
         recorder = await asyncio.to_thread(RecorderProcess.start, installation, ring, store.directory)
         stack.push_async_callback(asyncio.to_thread, recorder.close)
@@ -63,33 +64,17 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
         stack.push_async_callback(server.close)
         # First of all, while clients are still connected: the session's end is their answer.
         stack.push_async_callback(conductor.end, "the daemon was asked to end")
-        watching = asyncio.create_task(_feed_watchdog(loop, lockstep, ending))
         if not notify("READY=1", f"STATUS=serving {arm}"):
             say(f"etude daemon: serving {arm} at {control_socket(run_directory(), arm)}")
-        await ending.wait()
+        asked = asyncio.create_task(ending.wait())
+        watching = asyncio.create_task(watch(loop, lockstep=lockstep))
+        await asyncio.wait({asked, watching}, return_when=asyncio.FIRST_COMPLETED)
         notify("STOPPING=1", "STATUS=stopping the arm")
+        asked.cancel()
+        if watching.done():
+            raise ArmStopped(watching.result())
         watching.cancel()
 
 
 def _tell(text: str) -> None:
     notify(f"STATUS={text}")
-
-
-async def _feed_watchdog(loop: ArmLoop, lockstep: bool, ending: asyncio.Event) -> None:
-    """A sign of life to the manager only after new good cycles; the end of the loop ends the daemon.
-
-    In lockstep virtual time stands while nothing moves, so there an answering loop is life enough.
-    """
-    interval = watchdog_interval_s()
-    period = min(interval / 3 if interval else 2.0, 2.0)
-    seen = -1
-    while True:
-        await asyncio.sleep(period)
-        if not loop.alive:
-            log.error("the cyclic loop has ended; so does the daemon")
-            ending.set()
-            return
-        status = await asyncio.to_thread(loop.status)
-        if lockstep or status.good_cycles > seen:
-            seen = status.good_cycles
-            notify("WATCHDOG=1", f"STATUS={status.state.name.lower()}, {status.cycles} cycles, {status.missed} missed")

@@ -128,6 +128,8 @@ class Conductor:
         status = await asyncio.to_thread(self.moving.loop.status)
         if status.state in ENABLED:
             await self.moving.disable()
+        elif status.state is LoopState.ENABLING:
+            await self.moving.stop("the session ended while the drives were being enabled")
 
 
 def _retrieve(work: asyncio.Task[dict[str, Any]]) -> None:

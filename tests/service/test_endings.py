@@ -124,6 +124,20 @@ def test_a_stand_in_that_vanishes_stops_the_session_with_its_cause(house: Any, s
     assert "Traceback" not in refused.stderr
 
 
+def test_a_loop_that_dies_ends_the_daemon_with_its_reason(house: Any, start: Any, playing: Any) -> None:
+    start("virtual")
+    daemon = start("daemon")
+    client = playing()
+    cyclic = [pid for pid in processes_of(house) if b"driver.cyclic" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    assert len(cyclic) == 1
+    os.kill(cyclic[0], signal.SIGKILL)
+    _, told = client.communicate(timeout=60)
+    assert client.returncode == 3
+    assert "signal 9" in told
+    assert daemon.process.wait(60) == 3
+    assert house.answer("report", "last")["state"] == "stopped"
+
+
 def test_up_in_wall_clock_time_and_down_by_ctrl_c(house: Any) -> None:
     config = house.arm_files()
     text = config.read_text().replace("rate_hz = 1000", "rate_hz = 200\nmissed_deadlines_to_stop = 60")
