@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 
 from estimator.load_rows import LoadLayout
 from estimator.normal_equations import NormalEquations, excited
@@ -20,6 +21,8 @@ _EXCITED = 1e-8
 _TOLD = 1e-3
 """Part of a parameter that may lie in a direction the motion does not show."""
 _REWEIGHTINGS = 4
+_ROWS_A_COEFFICIENT = 40
+"""As in `estimator.whitening`."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,8 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
         fitted = len(chosen) / len(layout.channels)
         inflated = autocovariance * sums.rows / max(1.0, sums.rows - fitted)
         inflated[:, 0] = np.maximum(inflated[:, 0], 1e-24 * power + np.finfo(float).tiny)
-        weights = np.array([whitening_weight(row, sums.rows) for row in inflated])
+        orders = [_order(row, sums.rows) for row in inflated]
+        weights = np.array([_weight(row, order) for row, order in zip(inflated, orders, strict=True)])
     equations = _assemble(layout, sums, weights, believed)
     unknowns = _solved(equations, chosen)
     told = _told(plain)
@@ -74,6 +78,8 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     value = np.where(told, unknowns, np.nan)
     autocovariance = _residual_autocovariance(layout, sums, unknowns)
     degrees = max(1.0, sums.rows - len(chosen) / len(layout.channels))
+    # A spectrum from an autoregressive model of order p over N rows is as sure as a variance from N/2p values.
+    degrees = min([degrees, *(sums.rows / (2.0 * order) for order in orders if order)])
     return LoadFit(value, covariance, degrees, told, unknowns, autocovariance, power)
 
 
@@ -101,6 +107,27 @@ def _solved(equations: NormalEquations, chosen: list[int]) -> Array:
     result = np.zeros(equations.right.shape[1])
     result[chosen] = np.linalg.solve(part.total / np.outer(scale, scale), part.total_right / scale) / scale
     return result
+
+
+def _order(autocovariance: Array, rows: int) -> int:
+    """Autoregressive order by the Bayesian information criterion: a model too rich makes errors look too small."""
+    best, order = rows * np.log(autocovariance[0]), 0
+    for p in range(1, min(LAGS - 1, rows // _ROWS_A_COEFFICIENT) + 1):
+        column = autocovariance[:p].copy()
+        column[0] *= 1.0 + 1e-6
+        explained = solve_toeplitz(column, autocovariance[1 : p + 1]) @ autocovariance[1 : p + 1]
+        innovation = max(float(autocovariance[0] - explained), 1e-6 * float(autocovariance[0]))
+        score = rows * np.log(innovation) + p * np.log(rows)
+        if score < best:
+            best, order = score, p
+    return order
+
+
+def _weight(autocovariance: Array, order: int) -> Array:
+    """`whitening_weight` of this very order."""
+    if order == 0:
+        return white_weight(float(autocovariance[0]))
+    return whitening_weight(autocovariance, order * _ROWS_A_COEFFICIENT)
 
 
 def _inverse_information(equations: NormalEquations) -> Array:

@@ -89,7 +89,7 @@ def test_recovery_without_noise(puma: RigidBody, motion: tuple[Array, Array, Arr
 def test_intervals_cover(puma: RigidBody, motion: tuple[Array, Array, Array]) -> None:
     t, q, wrench = motion
     hits = []
-    for seed in range(60):
+    for seed in range(240):
         random = np.random.default_rng(seed)
         noisy = wrench + OFFSET + NOISE * random.normal(size=wrench.shape)
         found = identify_load(puma, "tool", [recording(t, q + 1e-5 * random.normal(size=q.shape), noisy)])
