@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 _LEAST_EIGENVALUE = 1e-6
 """Of a prior's pseudo-inertia, relative to its largest: a point mass in the prior becomes a small body."""
+_LEAST_FACTOR = 1e-6
+"""Of a pseudo-inertia's Cholesky factor, least to largest diagonal."""
 _PRIOR_WEIGHT = 1e-3
 """The prior's pull: it counts as much as a misfit of the base parameters of a thirtieth of their standard errors."""
 
@@ -128,6 +130,9 @@ class _Divergence:
             try:
                 factor = np.linalg.cholesky(pseudo)
             except np.linalg.LinAlgError:
+                return float("inf")
+            # So close to the edge of the possible bodies the inverse is lost in rounding.
+            if np.diag(factor).min() < _LEAST_FACTOR * np.diag(factor).max():
                 return float("inf")
             total += float(np.sum(inverse * pseudo)) - 2.0 * float(np.log(np.diag(factor)).sum())
         return total
