@@ -35,6 +35,7 @@ class LoopProcess:
         self._poll.register(connection.fileno(), select.POLLIN)
         self._ending: str | None = None
         self._close_request: int | None = None
+        self._answered: list[Reply] = []
         signal.signal(signal.SIGTERM, self._terminated)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -58,6 +59,7 @@ class LoopProcess:
             self._last_stop(loop)
             return 1
         finally:
+            self._send_answers()
             loop.close()
             loop.ring.close()
             if self._close_request is not None:
@@ -94,6 +96,7 @@ class LoopProcess:
             self._take_requests(loop)
             if loop.connected and (loop.busy or not loop.lockstep):
                 loop.cycle()
+            self._send_answers()
         self._way_out(loop, self._ending)
 
     def _way_out(self, loop: CyclicLoop, cause: str) -> None:
@@ -160,9 +163,15 @@ class LoopProcess:
     def _answer(self, number: int) -> Answer:
         def answer(problem: InputError | None) -> None:
             detail = None if problem is None else (problem.place, problem.problem, problem.remedy)
-            self._reply(Reply(number, problem=detail))
+            self._answered.append(Reply(number, problem=detail))
 
         return answer
+
+    def _send_answers(self) -> None:
+        """What a cycle answered is told when the cycle is in the ring, so that who is answered can read it there."""
+        for reply in self._answered:
+            self._reply(reply)
+        self._answered.clear()
 
     def _progress(self, number: int) -> Callable[[str], None]:
         return lambda sentence: self._reply(Reply(number, progress=sentence))
