@@ -53,6 +53,10 @@ class SdoObjects:
         data, announced = self._attempt(lambda: self._upload(index, subindex), index, subindex, "read")
         if announced is None and len(data) == 4:
             data = data[:size]  # An expedited answer without size carries four bytes, whatever the object.
+        if announced is not None and announced != len(data):
+            raise self._error(
+                index, subindex, f"came with {len(data)} bytes of {announced} announced", "check the wiring"
+            )
         if len(data) != size:
             raise self._error(index, subindex, f"came with {len(data)} bytes instead of {size}", "use the drive's EDS")
         return int.from_bytes(data, "little", signed=signed)
