@@ -26,7 +26,11 @@ _LEAST_FACTOR = 1e-6
 """Of a pseudo-inertia's Cholesky factor, least to largest diagonal."""
 _PRIOR_WEIGHT = 1e-3
 """The prior's pull: it counts as much as a misfit of the base parameters of a thirtieth of their standard errors."""
+_FIRST_WEIGHT, _PATH_STEPS = 1e5, 17
+"""The pull with which the path begins, and how many it passes, each a third of the one before."""
 
+_ROUGHLY = 1e-2
+"""Squared Newton decrement that is good enough on the way."""
 _NEWTON_STEPS = 200
 _DECREMENT = 1e-20
 """Squared Newton decrement, relative to the prior's weight, at which the answer stands to all digits."""
@@ -91,20 +95,36 @@ def nearest_consistent(base: BaseParameters, beta: Array, covariance: Array, pri
     divergence = _Divergence([np.asarray(np.linalg.inv(anchor), dtype=float) for anchor in anchors])
     psi = np.concatenate([parameters_of(anchor) for anchor in anchors])
 
+    # Along the central path, from the prior towards the data: every answer on the way is well inside the possible
+    # bodies, where Newton's steps are sure, also when no body can have the measured parameters.
+    for weight in np.geomspace(_FIRST_WEIGHT, _PRIOR_WEIGHT, _PATH_STEPS):
+        psi = _newton(combination, target, divergence, float(weight), _ROUGHLY, psi)
+    psi = _newton(combination, target, divergence, _PRIOR_WEIGHT, _DECREMENT, psi)
+    misfit = np.zeros(base.rank)
+    misfit[known] = (base.combination[known] @ psi - beta[known]) / np.sqrt(np.diag(covariance)[known])
+    return ConsistentParameters(psi, misfit)
+
+
+def _newton(
+    combination: Array, target: Array, divergence: _Divergence, weight: float, decrement: float, psi: Array
+) -> Array:
+    """The minimum of ½‖combination·psi − target‖² + weight·divergence(psi), by damped steps from ``psi``; ends when the
+    squared Newton decrement, relative to the weight, is below ``decrement``."""
+
     def cost(trial: Array) -> float:
         error = combination @ trial - target
-        return 0.5 * float(error @ error) + _PRIOR_WEIGHT * divergence.value(trial)
+        return 0.5 * float(error @ error) + weight * divergence.value(trial)
 
     for _ in range(_NEWTON_STEPS):
         slope, curvature = divergence.derivatives(psi)
-        gradient = combination.T @ (combination @ psi - target) + _PRIOR_WEIGHT * slope
-        hessian = combination.T @ combination + _PRIOR_WEIGHT * curvature
+        gradient = combination.T @ (combination @ psi - target) + weight * slope
+        hessian = combination.T @ combination + weight * curvature
         scale = np.sqrt(np.diag(hessian))
-        # Where no body can have the parameters the answer lies at the edge of the possible ones, and the curvature
-        # there is beyond what double precision solves: the least-squares step still descends.
+        # At the very edge of the possible bodies the curvature is beyond what double precision solves: the
+        # least-squares step still descends.
         step = -np.linalg.lstsq(hessian / np.outer(scale, scale), gradient / scale, rcond=None)[0] / scale
         decrease = -float(gradient @ step)
-        if decrease < _DECREMENT * _PRIOR_WEIGHT:
+        if decrease < decrement * weight:
             break
         length, now = 1.0, cost(psi)
         while length > 1e-12 and not cost(psi + length * step) <= now - 1e-4 * length * decrease:
@@ -112,9 +132,7 @@ def nearest_consistent(base: BaseParameters, beta: Array, covariance: Array, pri
         if length <= 1e-12:
             break  # no descent left within rounding
         psi = psi + length * step
-    misfit = np.zeros(base.rank)
-    misfit[known] = (base.combination[known] @ psi - beta[known]) / np.sqrt(np.diag(covariance)[known])
-    return ConsistentParameters(psi, misfit)
+    return psi
 
 
 class _Divergence:
