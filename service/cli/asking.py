@@ -19,7 +19,7 @@ ModeOption = Annotated[
     typer.Option("--mode", help="csp: the servo is in the drive; cst: the controller is in the loop."),
 ]
 ControllerOption = Annotated[
-    Literal["pd", "pd+ff", "computed_torque"], typer.Option("--controller", help="Controller in torque mode (cst).")
+    Literal["pd", "computed_torque"], typer.Option("--controller", help="Controller in torque mode (cst).")
 ]
 
 

@@ -39,7 +39,7 @@ def residual_tables(answer: dict[str, Any]) -> list[RenderableType]:
     """How well the torques fit, on what was learnt from and on what was held out."""
     shown: list[RenderableType] = [
         _residuals("torque residual", answer["torque_residual"], answer["relative_error"]),
-        f"with the measured torque's noise above the band: {answer['unfiltered_relative_error']:.2f} %",
+        f"against the unfiltered torque, all joints: {answer['unfiltered_relative_error']:.2f} %",
     ]
     if answer["hold_out"] is not None:
         shown.append(_residuals("on the held-out recordings", answer["hold_out"], answer["hold_out_relative_error"]))

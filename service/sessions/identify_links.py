@@ -8,12 +8,11 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from config import InputError, Installation
-from config.motion import check_motion, load_motion, sample
 from config.schema import Mode
-from driver.plan import Controller, Plan
+from driver.plan import Plan
 from service.identification.request import EstimatorName, LinksRequest
 from service.identification.worker import in_worker
-from service.sessions.moving import MovingArm, plan_of
+from service.sessions.moving import MovingArm, SessionController, plan_motion
 from service.sessions.procedure import Tell
 from service.sessions.store import Kind, Session
 
@@ -28,7 +27,7 @@ class IdentifyLinksArguments(BaseModel):
     """By name or file; the installation's ``identification_motions`` when empty."""
     hold_out_motions: tuple[str, ...] = ()
     mode: Mode = "csp"
-    controller: Controller = "pd"
+    controller: SessionController = "pd"
     estimator: EstimatorName = "weighted"
     band_hz: float | None = None
 
@@ -86,12 +85,7 @@ class IdentifyLinks:
         )
 
     def _plan(self, name: str) -> Plan:
-        motion = load_motion(name, self._installation)
-        sampled = sample(motion, self._installation.cycle.rate_hz)
-        check_motion(sampled, self._installation, motion.name)
-        plan = plan_of(sampled, motion.name, self._asked.mode, self._asked.controller)
-        plan.check(self._installation)
-        return plan
+        return plan_motion(name, self._installation, self._asked.mode, self._asked.controller)
 
 
 def _part(tell: Tell, k: int, count: int) -> Tell:

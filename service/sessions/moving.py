@@ -5,21 +5,23 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from config import Installation
-from config.motion import SampledMotion, point_to_point
+from config import InputError, Installation
+from config.motion import check_motion, load_motion, point_to_point, sample
 from config.schema import Mode
 from driver.arm import ArmLoop
-from driver.plan import Controller, Plan
+from driver.plan import Plan
 from driver.recording import RecorderProcess
 from service.outcomes import ArmStopped
 from service.sessions.store import Session
 
 Array = NDArray[np.float64]
+SessionController = Literal["pd", "computed_torque"]
+"""Controllers that need nothing but the installation."""
 POLL_S = 0.05
 AT_REST_BEFORE_S = 0.2
 AT_REST_AFTER_S = 0.5
@@ -88,6 +90,16 @@ class MovingArm:
             await asyncio.sleep(POLL_S)
 
 
-def plan_of(sampled: SampledMotion, name: str, mode: Mode, controller: Controller, **extra: Any) -> Plan:
-    """A sampled motion as what the loop plays."""
-    return Plan(sampled.q, sampled.dq, sampled.ddq, mode=mode, controller=controller, name=name, **extra)
+def plan_motion(name: str, installation: Installation, mode: Mode, controller: SessionController) -> Plan:
+    """The motion of that name or file as what the loop plays, checked as a whole against the limits.
+
+    Raises InputError when there is no such motion, it leaves a limit, or mode and controller do not go together.
+    """
+    if mode == "csp" and controller != "pd":
+        raise InputError("--controller", f"{controller} is a controller of torque mode", "add --mode cst")
+    motion = load_motion(name, installation)
+    sampled = sample(motion, installation.cycle.rate_hz)
+    check_motion(sampled, installation, motion.name)
+    plan = Plan(sampled.q, sampled.dq, sampled.ddq, mode=mode, controller=controller, name=motion.name)
+    plan.check(installation)
+    return plan

@@ -8,11 +8,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from config import Installation
-from config.motion import check_motion, load_motion, sample
 from config.schema import Mode
-from driver.plan import Controller
 from driver.recording import read_recording
-from service.sessions.moving import MovingArm, plan_of
+from service.sessions.moving import MovingArm, SessionController, plan_motion
 from service.sessions.procedure import Tell
 from service.sessions.store import Kind, Session
 from service.sessions.tracking import tracking_errors
@@ -23,7 +21,7 @@ class RunArguments(BaseModel):
 
     motion: str
     mode: Mode = "csp"
-    controller: Controller = "pd"
+    controller: SessionController = "pd"
 
 
 class RunMotion:
@@ -33,11 +31,7 @@ class RunMotion:
 
     def __init__(self, installation: Installation, arguments: RunArguments) -> None:
         self._asked = arguments
-        motion = load_motion(arguments.motion, installation)
-        sampled = sample(motion, installation.cycle.rate_hz)
-        check_motion(sampled, installation, motion.name)
-        self._plan = plan_of(sampled, motion.name, arguments.mode, arguments.controller)
-        self._plan.check(installation)
+        self._plan = plan_motion(arguments.motion, installation, arguments.mode, arguments.controller)
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump()

@@ -85,6 +85,14 @@ def test_a_motion_is_played_recorded_replayed_and_reported(arm: Any) -> None:
     assert listed[answer["recording"]]["samples"] == answer["samples"]
 
 
+def test_torque_mode_follows_by_the_loops_own_controller(arm: Any) -> None:
+    answer = arm.answer("run", "dda-controllers", "--mode", "cst", "--controller", "computed_torque")
+    assert max(e["position_peak"] for e in answer["tracking_error"].values()) < np.deg2rad(8)
+    refused = arm.etude("run", "dda-controllers", "--controller", "computed_torque")
+    assert refused.returncode == 2
+    assert "--mode cst" in refused.stderr
+
+
 def test_links_are_identified_by_moving_and_again_from_the_recordings(arm: Any, tmp_path: Path) -> None:
     moved = arm.answer("identify", "links")
     assert moved["status"] == "identified"

@@ -1,0 +1,62 @@
+"""`etude check` looks at everything and names remedies; it moves and starts nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config import load_installation
+from service.checks import run_checks
+from service.checks.description import check_description
+from service.checks.realtime import preemption
+from service.checks.sensors import check_sensors
+from service.cli.entry import run
+
+
+def test_without_an_arm_the_buses_fail_with_a_remedy(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "--arm", "dda", "--json", "-"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["verdict"] == "not sound"
+    failed = {f["subject"] for f in answer["findings"] if f["verdict"] == "fail"}
+    assert failed == {"can0", "can1", "can2", "wrist"}
+    assert all(f["remedy"] for f in answer["findings"] if f["verdict"] != "ok")
+
+
+def test_every_shipped_arm_is_described_soundly() -> None:
+    for arm in ("dda", "puma600", "seven"):
+        installation = load_installation(arm)
+        findings = list(check_description(installation))
+        assert {f.verdict for f in findings} <= {"ok", "warn"}, arm
+        assert sum(f.subject.startswith("bus time") for f in findings) == len(installation.bus) * len(
+            installation.modes
+        )
+
+
+def test_a_motion_of_the_arm_that_leaves_its_limits_is_found(house: Any) -> None:
+    config = house.arm_files()
+    config.write_text(config.read_text().replace("velocity_rad_s = 8.0", "velocity_rad_s = 2.0"))
+    findings = {f.subject: f for f in check_description(load_installation(str(config)))}
+    assert findings["motion dda-identify-1"].verdict == "fail"
+    assert "joint1" in findings["motion dda-identify-1"].detail
+
+
+def test_real_time_ability_is_tried_and_measured(house: Any) -> None:
+    findings = {f.subject: f for f in run_checks(load_installation("dda")) if f.area == "real time"}
+    assert set(findings) == {"scheduling", "kernel preemption", "lateness"}
+    assert "µs" in findings["lateness"].detail
+    assert preemption() in ("rt", "full", "lazy", "voluntary", "none", "unknown")
+
+
+def test_a_sensor_that_is_there_is_reported(house: Any, tmp_path: Path) -> None:
+    config = house.arm_files()
+    text = config.read_text()
+    assert 'port = "pty:dda-wrist"' in text
+    line = tmp_path / "line"
+    config.write_text(text.replace('port = "pty:dda-wrist"', f'port = "{line}"'))
+    missing = next(check_sensors(load_installation(str(config))))
+    assert missing.verdict == "fail"
+    line.touch()
+    assert next(check_sensors(load_installation(str(config)))).verdict == "ok"
