@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,11 @@ from config.loader import installation_path
 from service.supervision import SupervisedProcess
 
 READY_S = 90.0
+
+
+def _hear_ctrl_c() -> None:
+    """As at a terminal: tests that run in a shell's background inherit that SIGINT is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @dataclass
@@ -38,6 +44,7 @@ class House:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            preexec_fn=_hear_ctrl_c,
         )
 
     def etude(self, *arguments: str) -> subprocess.CompletedProcess[str]:
