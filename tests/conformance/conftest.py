@@ -206,9 +206,12 @@ def on_socketcan(installation: Installation) -> Installation:
     return installation.model_copy(update={"bus": tuple(buses)})
 
 
-@pytest.fixture(scope="session", params=["lockstep", pytest.param("socketcan", marks=pytest.mark.vcan)])
+@pytest.fixture(scope="module", params=["lockstep", pytest.param("socketcan", marks=pytest.mark.vcan)])
 def whole_bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    """The drive on the bench: a real one where --channel names it, else the stand-in's first, on either bus."""
+    """The drive on the bench: a real one where --channel names it, else the stand-in's first, on either bus.
+
+    It leaves the bus with its module: others bring up arms on vcan0 too.
+    """
     channel = request.config.getoption("--channel", default=None)
     dda = load_installation("dda")
     joint = dda.joint[0]
