@@ -68,6 +68,7 @@ class PlanHead:
 
 
 def send(connection: socket.socket, message: Request | Reply, fds: tuple[int, ...] = ()) -> None:
+    """Send one message, and file descriptors with it. Raises OSError when the other side has gone."""
     data = pickle.dumps(message)
     if fds:
         socket.send_fds(connection, [data], fds)

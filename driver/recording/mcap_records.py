@@ -108,6 +108,7 @@ def message_offsets(data: bytes | memoryview) -> Offsets:
 
 
 def is_mcap(head: bytes) -> bool:
+    """Does a file that begins with these bytes call itself MCAP?"""
     return head.startswith(MCAP0_MAGIC)
 
 

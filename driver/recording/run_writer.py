@@ -37,10 +37,12 @@ def wrench_topics(installation: Installation) -> list[str]:
 
 
 def can_topics(installation: Installation) -> list[str]:
+    """Topics of the raw frames, one a bus, in the installation's order."""
     return [f"/can/{bus.name}" for bus in installation.bus]
 
 
 def serial_topics(installation: Installation) -> list[str]:
+    """Topics of the raw serial bytes, one a sensor, in the installation's order."""
     return [f"/serial/{sensor.name}" for sensor in installation.wrench_sensor]
 
 

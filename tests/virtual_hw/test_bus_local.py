@@ -27,7 +27,11 @@ def test_one_stand_in_a_bus(tmp_path: Path) -> None:
 def test_the_socket_of_a_dead_stand_in_is_no_obstacle(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
         dead.bind(str(tmp_path / "can0"))
-    port(tmp_path / "can0").close()
+    taken = port(tmp_path / "can0")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as host:
+        host.connect(str(tmp_path / "can0"))  # Refused while nobody listens.
+    taken.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_in_the_way_is_not_removed(tmp_path: Path) -> None:

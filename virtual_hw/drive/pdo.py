@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 
@@ -54,7 +55,7 @@ def mapping_layout(store: ObjectStore, mappings: Sequence[int], *, receive: bool
     return code, entries
 
 
-class Pdo:
+class Pdo(ABC):
     """What RPDO and TPDO share: their parameters in the object store.
 
     `number` counts from 0; communication parameters live at 1400+n or 1800+n, the mapping 200h above.
@@ -68,9 +69,9 @@ class Pdo:
         self._parameters = {k: store.slot(base, k) for k in (1, 2, 3, 5) if store.has(base, k)}
         self.mapping_slots = [store.slot(base + 0x200, k) for k in range(9)]
 
+    @abstractmethod
     def configure(self) -> None:
         """Compile the parameters and mapping that stand in the store."""
-        raise NotImplementedError
 
     def parameter(self, subindex: int) -> int:
         slot = self._parameters.get(subindex)
