@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator import RigidBody, Trajectory, load_rigid_body
-from estimator.load_identification import LoadOptions, identify_load
-from estimator.load_parameters import RigidLoad, rigid_load
-from estimator.load_recognition import recognise, verify
-from estimator.load_recording import LoadRecording
-from estimator.load_recursive import RecursiveLoad
-from estimator.load_static import identify_static_load
-from estimator.wrench_motion import frame_motion
-from estimator.wrench_regressor import wrench_regressor
+from estimator.loads.frame_motion import frame_motion
+from estimator.loads.identification import LoadOptions, identify_load
+from estimator.loads.parameters import RigidLoad, rigid_load
+from estimator.loads.recognition import recognise, verify
+from estimator.loads.recording import LoadRecording
+from estimator.loads.recursive import RecursiveLoad
+from estimator.loads.static import identify_static_load
+from estimator.loads.wrench_regressor import wrench_regressor
 
 Array = NDArray[np.float64]
 MASS, CENTRE, INERTIA = 1.106, np.array([0.001, -0.02, 0.047]), np.array([0.0024, 1e-4, 0.0, 0.0019, 0.0, 0.0006])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from config import InputError
-from estimator.load_parameters import Measured, RigidLoad
+from estimator.loads.parameters import Measured, RigidLoad
 
 Array = NDArray[np.float64]
 

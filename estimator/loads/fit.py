@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from estimator.load_rows import LoadLayout
+from estimator.loads.rows import LoadLayout
 from estimator.normal_equations import NormalEquations, excited
 from estimator.sums import LAGS, Batch, Sums
 from estimator.whitening import white_weight, whitening_weight

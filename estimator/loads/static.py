@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.load_parameters import RigidLoad
+from estimator.loads.frame_motion import frame_motion
+from estimator.loads.parameters import RigidLoad
+from estimator.loads.wrench_regressor import wrench_regressor
 from estimator.rigid_body import RigidBody
-from estimator.wrench_motion import frame_motion
-from estimator.wrench_regressor import wrench_regressor
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from estimator.load_fit import LoadFit
-from estimator.load_parameters import Measured, RigidLoad
-from estimator.load_rigidity import Rigidity
-from estimator.load_rows import Form, LoadLayout
+from estimator.loads.fit import LoadFit
+from estimator.loads.parameters import Measured, RigidLoad
+from estimator.loads.rigidity import Rigidity
+from estimator.loads.rows import Form, LoadLayout
+from estimator.loads.wrench_regressor import CHANNELS
 from estimator.rigid_body import PARAMETERS
-from estimator.wrench_regressor import CHANNELS
 
 Array = NDArray[np.float64]
 

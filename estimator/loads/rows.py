@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from estimator.filtering import Decimator, FilterPlan, resample, smooth_motion
-from estimator.load_recording import LoadRecording
+from estimator.loads.frame_motion import FrameMotion, frame_motion
+from estimator.loads.recording import LoadRecording
+from estimator.loads.wrench_regressor import CHANNELS, integrated_regressor, window_means, wrench_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK
-from estimator.wrench_motion import FrameMotion, frame_motion
-from estimator.wrench_regressor import CHANNELS, integrated_regressor, window_means, wrench_regressor
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
-from estimator.load_fit import LoadFit
+from estimator.loads.fit import LoadFit
 
 Array = NDArray[np.float64]
 

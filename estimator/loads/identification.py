@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.filtering import motion_band, plan_filter
-from estimator.load_estimate import LoadEstimate
-from estimator.load_fit import Believed, LoadFit, fit_load
-from estimator.load_parameters import RigidLoad
-from estimator.load_recording import LoadRecording
-from estimator.load_rigidity import ResidualRows, rigidity
-from estimator.load_rows import Form, LoadLayout, Offset, load_rows
+from estimator.loads.estimate import LoadEstimate
+from estimator.loads.fit import Believed, LoadFit, fit_load
+from estimator.loads.parameters import RigidLoad
+from estimator.loads.recording import LoadRecording
+from estimator.loads.rigidity import ResidualRows, rigidity
+from estimator.loads.rows import Form, LoadLayout, Offset, load_rows
+from estimator.loads.wrench_regressor import CHANNELS
 from estimator.rigid_body import RigidBody
 from estimator.sums import Sums
-from estimator.wrench_regressor import CHANNELS
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.load_parameters import RigidLoad
+from estimator.loads.parameters import RigidLoad
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from estimator.wrench_motion import FrameMotion
+from estimator.loads.frame_motion import FrameMotion
 
 Array = NDArray[np.float64]
 
