@@ -1,0 +1,118 @@
+"""The interface of an effect: one physical cause by which an arm differs from its rigid-body model.
+
+An effect enters the recorded equations linearly in some coefficients once its few non-linear parameters theta are
+fixed:
+
+    torque:    tau_measured = tau_rigid(q, dq, ddq) + columns(theta) · coefficients
+    velocity:  dq_measured  = dq                    + columns(theta) · coefficients
+    wrench:    f_measured   = load's wrench         + columns(theta) · coefficients
+
+An error of a sensor enters by the model's derivative with respect to that sensor (`Signals.by_angle_error`).
+Everything else (evidence, errors, confusion, the smallest size that would be seen) follows from the columns alone, so
+a new effect is a new file with one subclass of `Effect`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.signals import Scales, Signals
+from estimator.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+
+Equation = Literal["torque", "velocity", "wrench"]
+Parameters = Mapping[str, float | Array]
+"""The catalogue's parameters by name: numbers, and vectors (a centre, a matrix row after row)."""
+NO_THETA = np.zeros((1, 0))
+"""The grid of an effect without non-linear parameters."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an effect lives: indices of the body's joints, the channel of a sensor; None where it does not apply."""
+
+    joint: int | None = None
+    channel: str | None = None
+    other: int | None = None
+    """The second joint of a pair."""
+
+
+class Effect(ABC):
+    """One cause. Stateless: the same object serves all places and recordings.
+
+    ``name`` and the keys of ``units`` (parameter → unit) are those of the catalogue.
+    """
+
+    name: ClassVar[str]
+    units: ClassVar[Mapping[str, str]]
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
+    """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
+    experiment: ClassVar[str]
+    """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint's name."""
+    equation: ClassVar[Equation] = "torque"
+
+    @abstractmethod
+    def places(self, body: RigidBody) -> list[Place]:
+        """Everywhere in this arm where it can live."""
+
+    def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        """Which rows of its equation it enters: joints of torque and velocity, components 0 … 5 of the wrench.
+
+        One joint's own by default.
+        """
+        return tuple(range(body.n)) if place.joint is None else (place.joint,)
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        """(k, p) the non-linear parameters to try first, one choice a row; they are refined later within the span of
+        each column of the grid."""
+        return NO_THETA
+
+    @abstractmethod
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        """(samples, rows, c) for theta (p,): per unit of each of the c coefficients."""
+
+    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array] | None:
+        """Least and largest value (c,) that each coefficient can have physically; None: any."""
+        return None
+
+    @abstractmethod
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        """The catalogue's parameters of theta (p,) and coefficients (c,)."""
+
+    @abstractmethod
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""
+
+    def torque(self, place: Place, parameters: Parameters, signals: Signals) -> Array:
+        """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m."""
+        if self.equation != "torque":
+            return np.zeros_like(signals.q)
+        theta, coefficients = self.unknowns(place, parameters)
+        result = np.zeros_like(signals.q)
+        result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
+        return result
+
+
+class JointEffect(Effect):
+    """An effect that lives in any one joint and acts on that joint's torque alone."""
+
+    def places(self, body: RigidBody) -> list[Place]:
+        return [Place(joint) for joint in range(body.n)]
+
+    @staticmethod
+    def joint(place: Place) -> int:
+        """The place's joint, which it always has."""
+        assert place.joint is not None
+        return place.joint
+
+    def nonnegative(self, count: int) -> tuple[Array, Array]:
+        """Limits of ``count`` coefficients that cannot be negative."""
+        return np.zeros(count), np.full(count, np.inf)

@@ -1,0 +1,152 @@
+"""What a law may look at: the smoothed motion of one recording, the given model's torques, and their sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from estimator.regressor import inverse_dynamics
+from estimator.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """One gapless stretch of motion on a uniform grid; arrays are samples × joints in the order of ``body``.
+
+    Kinematics are smoothed alike for all laws. What was not recorded is None. Of a motion that is only planned,
+    `Signals.of_motion` gives what a model needs to predict its torque.
+    """
+
+    body: RigidBody
+    """The given model; its inertial parameters are those of `RigidBody.prior`."""
+    t: Array
+    """(samples,) s since the recording's start, evenly spaced."""
+    q: Array
+    """rad"""
+    dq: Array
+    """rad/s"""
+    ddq: Array
+    """rad/s²"""
+    tau_rigid: Array
+    """N·m that the given model needs for this motion."""
+    tau: Array | None = None
+    """N·m measured at the joint, with the same smoothing as the motion."""
+    dq_measured: Array | None = None
+    """rad/s of a velocity sensor of its own; ``dq`` is always the slope of the angles."""
+    temperature: Array | None = None
+    """°C"""
+    wrench: Array | None = None
+    """(samples, 6) N and N·m in the sensor's frame."""
+
+    @classmethod
+    def of_motion(cls, body: RigidBody, t: Array, q: Array, dq: Array, ddq: Array) -> Signals:
+        """Of a planned motion."""
+        return cls(body, t, q, dq, ddq, inverse_dynamics(body, body.prior(), q, dq, ddq))
+
+    @property
+    def samples(self) -> int:
+        return len(self.t)
+
+    @property
+    def period(self) -> float:
+        """s between samples."""
+        return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+
+    @property
+    def torque(self) -> Array:
+        """N·m: as measured, else the given model's."""
+        return self.tau_rigid if self.tau is None else self.tau
+
+    def slope(self, x: Array) -> Array:
+        """Time derivative of a smooth channel (samples, …), of fourth order."""
+        h = self.period
+        result = np.gradient(x, h, axis=0)
+        result[2:-2] = (x[:-4] - x[4:] + 8.0 * (x[3:-1] - x[1:-3])) / (12.0 * h)
+        return np.asarray(result)
+
+    def direction(self, joint: int, width: float) -> Array:
+        """(samples,) tanh(dq/width), averaged over each sample's own interval: a sign that changes between two samples
+        keeps its area, so nothing depends on where the samples fall."""
+        speed = self.dq[:, joint] / width
+        middle = (speed[1:] + speed[:-1]) / 2.0
+        edges = np.concatenate([[1.5 * speed[0] - 0.5 * speed[1]], middle, [1.5 * speed[-1] - 0.5 * speed[-2]]])
+        area = np.logaddexp(edges, -edges)
+        step = np.diff(edges)
+        still = np.abs(step) < 1e-6
+        mean = np.diff(area) / np.where(still, 1.0, step)
+        return np.asarray(np.where(still, np.tanh(speed), mean))
+
+    @cached_property
+    def sensitivity(self) -> tuple[Array, Array, Array]:
+        """∂tau_rigid/∂q, ∂tau_rigid/∂dq, ∂tau_rigid/∂ddq (the mass matrix): (samples, n, n) each, [:, i, j] torque i by
+        joint j. How an error of a sensor enters the torque equation."""
+        n = self.body.n
+        model = self.body.model
+        data = model.createData()
+        result = np.empty((3, self.samples, n, n))
+        configuration = self.body.configuration
+        for k in range(self.samples):
+            pin.computeRNEADerivatives(model, data, configuration(self.q[k]), self.dq[k], self.ddq[k])
+            result[0, k], result[1, k] = data.dtau_dq, data.dtau_dv
+            upper = np.triu(data.M)
+            result[2, k] = upper + np.triu(upper, 1).T
+        return result[0], result[1], result[2]
+
+    def by_angle_error(self, joint: int, error: Array) -> Array:
+        """(samples, n): what the model's torque gains when the true angle of a joint is ``error`` (samples,) rad more
+        than the measured one, with the speed and acceleration that come with it."""
+        by_q, by_dq, by_ddq = self.sensitivity
+        speed = self.slope(error)
+        acceleration = self.slope(speed)
+        return np.asarray(
+            by_q[:, :, joint] * error[:, None]
+            + by_dq[:, :, joint] * speed[:, None]
+            + by_ddq[:, :, joint] * acceleration[:, None]
+        )
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How large the motion is, over all recordings that are diagnosed together: what bounds and grids are scaled by.
+
+    Arrays are (n,).
+    """
+
+    q_low: Array
+    q_high: Array
+    dq: Array
+    """rms, rad/s"""
+    ddq: Array
+    """rms, rad/s²"""
+    tau: Array
+    """rms of the measured torque, N·m"""
+    duration: float
+    """s of the longest recording"""
+    band: float
+    """Hz up to which torques are compared"""
+
+    @classmethod
+    def of(cls, pieces: Sequence[Signals], band: float) -> Scales:
+        """Of the stretches that will be compared."""
+
+        def rms(channels: Sequence[Array]) -> Array:
+            stacked = np.concatenate(channels)
+            return np.asarray(np.sqrt(np.mean(stacked**2, axis=0)))
+
+        q = np.concatenate([piece.q for piece in pieces])
+        return cls(
+            q_low=q.min(axis=0),
+            q_high=q.max(axis=0),
+            dq=rms([piece.dq for piece in pieces]),
+            ddq=rms([piece.ddq for piece in pieces]),
+            tau=rms([piece.torque for piece in pieces]),
+            duration=max(float(piece.t[-1]) for piece in pieces),
+            band=band,
+        )
