@@ -1,0 +1,172 @@
+"""The same motion again, and what it tells: two playings differ by noise alone, whatever the arm's model lacks.
+
+Their differences are the *pure error*: the noise of a channel without any model of the arm. What an identified model
+leaves beyond it is lack of fit; what it leaves below it cannot be explained by anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from estimator.recurrence import SEARCH_RATE, RecurrenceSearch, averaged
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SINC_REACH = 24
+"""Samples either side by which a channel is shifted a fraction of a sample: exact to 0.85 of half the rate."""
+_SINC_WINDOW = 6.0
+"""Shape of its Kaiser window."""
+_LONGEST_WINDOW = 4.0
+"""s, of the spectra."""
+_EVEN = 0.05
+"""Of a period: more jitter than that, and the channel is interpolated linearly."""
+_ON_GRID = 0.01
+"""Of a sample: a shift that needs no interpolation."""
+
+
+@dataclass(frozen=True)
+class Occurrence:
+    """One playing: which trajectory, and when it begins there (s, in the trajectory's own time)."""
+
+    trajectory: int
+    start: float
+
+
+@dataclass(frozen=True)
+class RepeatGroup:
+    """Playings of one motion that do not overlap; the first is the reference."""
+
+    occurrences: tuple[Occurrence, ...]
+    duration: float
+    """s, of each playing."""
+    mismatch: Array
+    """(n,) rms difference of the angles between the playings and the reference, rad."""
+
+
+@dataclass(frozen=True)
+class PureError:
+    """Noise of one playing's channel, from the differences between playings."""
+
+    variance: Array
+    """(n,) of the channel, its unit squared."""
+    degrees_of_freedom: Array
+    """(n,) behind the variance: fewer than differences where the noise is coloured."""
+    frequency: Array
+    """(m,) Hz, rising from the first that the windows tell."""
+    spectrum: Array
+    """(m, n) one-sided power density, the channel's unit squared per Hz."""
+    playings: int
+    """How many playings the groups have in all."""
+
+
+def find_repeats(trajectories: Sequence[Trajectory]) -> list[RepeatGroup]:
+    """Groups of two or more playings of the same motion; empty where no motion recurs.
+
+    Times of the trajectories need no common origin, rates may differ, a gap ends a passage. What is at rest is no
+    motion. Each stretch belongs to one group at most.
+    """
+    pieces = averaged(trajectories)
+    if not pieces:
+        return []
+    return [
+        RepeatGroup(
+            tuple(
+                Occurrence(pieces[piece].trajectory, pieces[piece].origin + start / SEARCH_RATE)
+                for piece, start in passage.starts
+            ),
+            (passage.length - 1) / SEARCH_RATE,
+            passage.mismatch,
+        )
+        for passage in RecurrenceSearch(pieces).passages()
+    ]
+
+
+def aligned(group: RepeatGroup, times: Sequence[Array], values: Sequence[Array]) -> tuple[float, Array]:
+    """Rate (Hz) and values (playings, samples, n) of a channel over the playings of one motion, laid on each other.
+
+    ``times[k]`` (samples,) s and ``values[k]`` (samples, n) are those of trajectory k; the channel may be a measured
+    one, or a residual that exists on other samples. Evenly sampled channels are shifted by parts of a sample with their
+    band kept, so that the noise is not smoothed away; jittered ones are interpolated linearly. Samples that some
+    playing lacks are cut off the ends.
+    """
+    reference = times[group.occurrences[0].trajectory]
+    rate = float(1.0 / np.median(np.diff(reference)))
+    rows: list[tuple[int, Array]] = []
+    for occurrence in group.occurrences:
+        t, x = times[occurrence.trajectory], values[occurrence.trajectory]
+        rows.append(_from(t, x, occurrence.start, rate, group.duration))
+    first = max(lost for lost, _ in rows)
+    last = min(lost + len(x) for lost, x in rows)
+    if last - first < 2:
+        return rate, np.empty((len(rows), 0, values[0].shape[1]))
+    return rate, np.stack([x[first - lost : last - lost] for lost, x in rows])
+
+
+def pure_error(groups: Sequence[RepeatGroup], times: Sequence[Array], values: Sequence[Array]) -> PureError | None:
+    """Variance and spectrum of a channel's noise by the playings' deviations from their mean; None without repeats.
+
+    ``times`` and ``values`` as in `aligned`. Take the residual of any reasonable model rather than the torque itself
+    where the playings' motions differ a little (`RepeatGroup.mismatch`): what the model makes of that difference is
+    then no noise, and what it lacks cancels.
+    """
+    stacks = [(rate, stack) for rate, stack in (aligned(g, times, values) for g in groups) if stack.shape[1] > 16]
+    if not stacks:
+        return None
+    window = min(_LONGEST_WINDOW, *(stack.shape[1] / rate for rate, stack in stacks))
+    frequency = np.arange(1, int(window * min(rate for rate, _ in stacks) / 2.0) + 1) / window
+    freedom, square, power = 0.0, np.zeros(values[0].shape[1]), np.zeros((len(frequency), values[0].shape[1]))
+    duration = 0.0
+    for rate, stack in stacks:
+        count, samples, _ = stack.shape
+        deviation = stack - stack.mean(axis=0)
+        square += np.sum(deviation**2, axis=(0, 1))
+        freedom += (count - 1.0) * samples
+        length = round(window * rate)
+        own, density = welch(deviation, rate, nperseg=length, detrend=False, axis=1, scaling="density")
+        # The mean of the playings takes one part in ``count`` of the noise along.
+        scaled = density.sum(axis=0) / (count - 1.0)
+        share = (count - 1.0) * samples / rate
+        power += share * np.array([np.interp(frequency, own, column) for column in scaled.T]).T
+        duration += share
+    variance, spectrum = square / freedom, power / duration
+    # A variance by a record of noise with spectrum S scatters by (1/T)∫S²df (one-sided).
+    scatter = np.maximum(np.trapezoid(spectrum**2, frequency, axis=0), np.finfo(float).tiny)
+    behind = np.minimum(2.0 * duration * variance**2 / scatter, freedom)
+    return PureError(variance, behind, frequency, spectrum, sum(len(stack) for _, stack in stacks))
+
+
+def _from(t: Array, x: Array, start: float, rate: float, duration: float) -> tuple[int, Array]:
+    """Values at start, start + 1/rate, … as far as they are there; and how many are lacking before the first."""
+    reach = (_SINC_REACH + 2) / rate
+    near = slice(*np.searchsorted(t, [start - reach, start + duration + reach]))
+    whole = np.isfinite(x[near]).all(axis=1)
+    t, x = t[near][whole], x[near][whole]
+    wanted = start + np.arange(int(duration * rate) + 1) / rate
+    begin = int(np.searchsorted(t, start + 0.5 / rate)) - 1
+    if begin < 0 or np.abs(np.diff(t) * rate - 1.0).max() > _EVEN:
+        inside = (wanted >= t[0]) & (wanted <= t[-1]) if len(t) else np.zeros(len(wanted), dtype=np.bool_)
+        lost = int(np.argmax(inside)) if inside.any() else len(wanted)
+        return lost, np.array([np.interp(wanted[inside], t, column) for column in x.T]).T
+    # The nearest sample, and how far beyond it the playing begins: −½ … ½ of a sample.
+    fraction = (start - t[begin]) * rate
+    end = min(begin + len(wanted), len(x))
+    if abs(fraction) < _ON_GRID:
+        return 0, x[begin:end]
+    first, last = max(begin - _SINC_REACH, 0), min(end + _SINC_REACH, len(x))
+    return max(0, _SINC_REACH - begin), _shifted(x[first:last], fraction)
+
+
+def _shifted(x: Array, fraction: float) -> Array:
+    """Values ``fraction`` of a sample after each sample that has its neighbours in reach."""
+    offset = np.arange(-_SINC_REACH, _SINC_REACH + 1) - fraction
+    window = np.i0(_SINC_WINDOW * np.sqrt(1.0 - (offset / (_SINC_REACH + 1.0)) ** 2)) / np.i0(_SINC_WINDOW)
+    kernel = np.sinc(offset) * window
+    if len(x) < len(kernel):
+        return np.empty((0, x.shape[1]))
+    return np.array([np.convolve(column, kernel[::-1], mode="valid") for column in x.T]).T

@@ -1,0 +1,122 @@
+"""The same motion again is found and laid on itself; what differs is the noise that was put in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from estimator import Trajectory
+from estimator.repeats import aligned, find_repeats, pure_error
+
+Array = NDArray[np.float64]
+Motion = Callable[[int, float, float, int], tuple[Array, ...]]
+
+
+def angles(t: Array, seed: int, duration: float) -> Array:
+    """A smooth motion of three joints that begins and ends at rest, at any times."""
+    random = np.random.default_rng(seed)
+    envelope = np.where((t > 0.0) & (t < duration), np.sin(np.pi * np.clip(t / duration, 0.0, 1.0)) ** 2, 0.0)
+    waves = sum(
+        random.normal(0.0, 0.4, 3) * np.sin(2 * np.pi * (k * t[:, None] / duration + random.random(3)))
+        for k in range(1, 9)
+    )
+    return np.asarray(envelope[:, None] * waves)
+
+
+def test_repetition_among_recordings_is_found_to_a_fraction_of_a_sample() -> None:
+    random = np.random.default_rng(1)
+    recordings, begins = [], (0.5, 0.5 + 0.0013, 0.9 - 0.0004)
+    for begin, seed in zip((*begins, 0.5), (1, 1, 1, 2), strict=True):
+        t = np.arange(0.0, 8.0, 0.002)
+        q = angles(t - begin, seed, 6.0) + 1e-5 * random.normal(size=(len(t), 3))
+        recordings.append(Trajectory(t + 17.0 * seed, q, np.zeros_like(q)))
+    groups = find_repeats(recordings)
+    assert len(groups) == 1
+    (group,) = groups
+    assert [o.trajectory for o in group.occurrences] == [0, 1, 2]
+    assert group.duration > 5.0
+    starts = np.array([o.start for o in group.occurrences])
+    np.testing.assert_allclose(np.diff(starts), np.diff(begins), atol=1e-4)
+    assert group.mismatch.max() < 1e-3
+
+
+def test_periods_of_one_recording_are_playings(make_periodic: Motion) -> None:
+    _, q, _, _ = make_periodic(3, 5.0, 200.0, 3)
+    many = np.tile(q, (4, 1))
+    (group,) = find_repeats([Trajectory(np.arange(len(many)) / 200.0, many, np.zeros_like(many))])
+    assert len(group.occurrences) == 4
+    assert group.duration == pytest.approx(5.0, abs=0.1)
+    np.testing.assert_allclose(np.diff([o.start for o in group.occurrences]), 5.0, atol=1e-4)
+
+
+def test_passages_among_others_are_found_each_once() -> None:
+    t = np.arange(0.0, 20.0, 0.004)
+    q = angles(t - 0.5, 1, 4.0) + angles(t - 5.0, 2, 4.0) + angles(t - 9.7, 1, 4.0) + angles(t - 14.6, 2, 4.0)
+    groups = find_repeats([Trajectory(t, q, np.zeros_like(q))])
+    assert len(groups) == 2
+    for group, apart in zip(groups, (9.2, 9.6), strict=True):
+        first, second = group.occurrences
+        assert second.start - first.start == pytest.approx(apart, abs=1e-3)
+        assert group.duration > 3.0
+
+
+def test_what_never_recurs_is_no_repetition(make_periodic: Motion) -> None:
+    recordings = []
+    for seed in range(4):
+        t, q, _, _ = make_periodic(3, 10.0, 200.0, seed)
+        recordings.append(Trajectory(t, q, np.zeros_like(q)))
+    assert find_repeats(recordings) == []
+    still = np.ones((4000, 3))
+    assert find_repeats([Trajectory(np.arange(4000) / 200.0, still, still)] * 2) == []
+    backwards = Trajectory(recordings[0].t, recordings[0].q[::-1], recordings[0].tau)
+    assert find_repeats([recordings[0], backwards]) == []
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.0023])
+def test_pure_error_is_the_noise_that_was_put_in(shift: float) -> None:
+    """White on one joint, coloured on another; what both playings share (here a large ripple) does not count."""
+    random = np.random.default_rng(4)
+    variances, spectra = [], []
+    for _ in range(12):
+        recordings = []
+        for k in range(2):
+            t = np.arange(0.0, 14.0, 0.004)
+            q = angles(t - 1.0 - k * shift, 5, 12.0)
+            noise = random.normal(size=q.shape) * np.array([0.5, 1.0, 0.0])
+            noise[:, 1] = lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], noise[:, 1])
+            recordings.append(Trajectory(t, q, 20.0 * np.sin(7.0 * q) + noise))
+        found = pure_error(find_repeats(recordings), [r.t for r in recordings], [r.tau for r in recordings])
+        assert found is not None
+        variances.append(found.variance)
+        spectra.append(found.spectrum)
+    np.testing.assert_allclose(np.mean(variances, axis=0)[:2], [0.25, 1.0], rtol=0.06)
+    assert np.mean(variances, axis=0)[2] < 1e-3
+    assert found.degrees_of_freedom[1] < 0.15 * found.degrees_of_freedom[0]
+    spread = np.std([v[1] for v in variances]) / np.mean([v[1] for v in variances])
+    assert 0.5 < spread / np.sqrt(2.0 / found.degrees_of_freedom[1]) < 1.7
+    mean = np.mean(spectra, axis=0)
+    low, high = found.frequency < 1.0, (found.frequency > 20.0) & (found.frequency < 80.0)
+    np.testing.assert_allclose(mean[low, 0], 2.0 * 0.25 / 250.0, rtol=0.3)
+    assert np.mean(mean[high, 0]) == pytest.approx(2.0 * 0.25 / 250.0, rel=0.1)
+    response = np.abs(1.0 / (1.0 - 0.9 * np.exp(-2j * np.pi * found.frequency / 250.0))) ** 2 * 0.19 * 2.0 / 250.0
+    assert np.mean(mean[high, 1] / response[high]) == pytest.approx(1.0, rel=0.15)
+
+
+def test_alignment_brings_a_shifted_channel_back() -> None:
+    recordings = []
+    for late in (0.0, 0.0031):
+        t = np.arange(0.0, 9.0, 0.01)
+        q = angles(t - 1.0 - late, 6, 7.0)
+        recordings.append(Trajectory(t, q, np.sin(5.0 * q)))
+    (group,) = find_repeats(recordings)
+    rate, stack = aligned(group, [r.t for r in recordings], [r.tau for r in recordings])
+    assert rate == pytest.approx(100.0)
+    assert stack.shape[0] == 2
+    assert np.abs(stack[1] - stack[0]).max() < 2e-2
+    assert np.abs(recordings[1].tau - recordings[0].tau).max() > 10 * np.abs(stack[1] - stack[0]).max()
+    with pytest.raises(IndexError):
+        aligned(group, [recordings[0].t], [recordings[0].tau])
