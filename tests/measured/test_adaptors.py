@@ -70,10 +70,11 @@ def test_every_data_set_fits_its_arm(folder: str) -> None:
     for trajectory in arm.recordings.values():
         assert trajectory.q.shape[1] == body.n
         assert np.isfinite(trajectory.tau).mean() > 0.999
-        # Angles that stand in the joint's own range are angles of that joint, in rad.
-        low, high = np.min(trajectory.q, axis=0), np.max(trajectory.q, axis=0)
-        assert np.all(low >= body.model.lowerPositionLimit[-1] - 7.0)
-        assert np.all(high - low < 2.3 * np.pi)
+        # Over a tenth of a second noise counts for nothing: the joints keep to their speeds, in rad/s and m/s.
+        steps = round(0.1 * trajectory.rate)
+        way = trajectory.q[steps:] - trajectory.q[:-steps]
+        speed = way / (trajectory.t[steps:] - trajectory.t[:-steps])[:, None]
+        assert np.all(np.abs(speed) < body.model.velocityLimit)
 
 
 def test_kuka_frames_give_the_mass_matrix_that_its_recordings_carry() -> None:
