@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,19 +12,21 @@ from scipy.stats import t as student
 
 from estimator.base_parameters import BaseParameters
 from estimator.rigid_body import RigidBody
-from estimator.terms import PARAMETER_OF, Term
+from estimator.terms import PARAMETER_OF, Term, unit_of
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class TorqueResidual:
-    """Of one joint, in the band of the estimate: rms of the residual (N·m), relative to the torque's own rms, and the
-    rms that measurement noise alone would leave (white noise assumed, as strong as above the band)."""
+    """Of one joint, in the band of the estimate: rms of the residual (``unit``), relative to the torque's own rms, and
+    the rms that measurement noise alone would leave (white noise assumed, as strong as above the band)."""
 
     rms: float
     relative: float
     noise_rms: float
+    unit: str
+    """N·m, or N where the joint slides."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class LinkIdentification:
                     "parameter": PARAMETER_OF[term.name][0],
                     "value": float(value),
                     "standard_error": _plain(error),
-                    "unit": PARAMETER_OF[term.name][1],
+                    "unit": unit_of(term.name, self.body.axes[term.joint].revolute),
                     **({"width": term.width} if term.name == "coulomb_friction" else {}),
                 }
                 for term, value, error in zip(self.terms, self.value[rank:], errors[rank:], strict=True)
@@ -131,8 +133,8 @@ class LinkIdentification:
         }
 
 
-def _residuals(fit: Fit) -> dict[str, dict[str, float]]:
-    return {joint: {"rms": r.rms, "relative": r.relative, "noise_rms": r.noise_rms} for joint, r in fit.joints.items()}
+def _residuals(fit: Fit) -> dict[str, dict[str, float | str]]:
+    return {joint: asdict(residual) for joint, residual in fit.joints.items()}
 
 
 def _plain(x: float) -> float | None:

@@ -176,7 +176,9 @@ def _fit(layout: Layout, sums: Sums, unknowns: Array) -> Fit:
     power = torque_power(layout, sums.batches)
     noise = np.zeros(layout.body.n) if sums.high_frequency is None else sums.high_frequency / sums.rows
     joints = {
-        name: TorqueResidual(float(np.sqrt(v)), float(np.sqrt(v / p)) if p > 0.0 else 0.0, float(np.sqrt(e)))
-        for name, v, p, e in zip(layout.body.joints, variance, power, noise, strict=True)
+        axis.name: TorqueResidual(
+            float(np.sqrt(v)), float(np.sqrt(v / p)) if p > 0.0 else 0.0, float(np.sqrt(e)), axis.torque_unit
+        )
+        for axis, v, p, e in zip(layout.body.axes, variance, power, noise, strict=True)
     }
     return Fit(joints, 100.0 * float(np.sqrt(variance.sum() / power.sum())), sums.samples, sums.rows)

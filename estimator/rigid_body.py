@@ -44,6 +44,11 @@ class Axis:
     """(3,) unit vector in the joint's own frame."""
     revolute: bool
 
+    @property
+    def torque_unit(self) -> str:
+        """Of what its motor measures: the torque of a sliding joint is a force."""
+        return "N·m" if self.revolute else "N"
+
 
 @dataclass(frozen=True)
 class RigidBody:

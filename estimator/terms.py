@@ -24,6 +24,15 @@ PARAMETER_OF: dict[TermName, tuple[str, str]] = {
 }
 
 
+_SLIDING = {"N·m·s/rad": "N·s/m", "N·m": "N", "kg·m²": "kg"}
+
+
+def unit_of(name: TermName, revolute: bool) -> str:
+    """Of the term's parameter, on a joint that turns or slides."""
+    unit = PARAMETER_OF[name][1]
+    return unit if revolute else _SLIDING[unit]
+
+
 @dataclass(frozen=True)
 class Term:
     """One column of one joint."""
@@ -31,7 +40,7 @@ class Term:
     name: TermName
     joint: int
     width: float = 0.0
-    """rad/s: Coulomb friction is level·tanh(dq/width), the sigmoid that presliding makes of the sign."""
+    """rad/s (m/s): Coulomb friction is level·tanh(dq/width), the sigmoid that presliding makes of the sign."""
 
     def column(self, dq: Array, ddq: Array) -> Array:
         """The torque of a unit parameter, over samples of this joint's velocity (rad/s) and acceleration (rad/s²)."""

@@ -34,7 +34,7 @@ class Quantity(_Section):
 
 
 class JointTerm(_Section):
-    """What a joint adds to the rigid body; ``width`` [rad/s] is the Coulomb sigmoid's."""
+    """What a joint adds to the rigid body; ``width`` [rad/s or m/s] is the Coulomb sigmoid's."""
 
     effect: str
     joint: str

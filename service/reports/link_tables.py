@@ -46,11 +46,11 @@ def residual_tables(answer: dict[str, Any]) -> list[RenderableType]:
     return shown
 
 
-def _residuals(title: str, residuals: dict[str, dict[str, float]], relative: float) -> Table:
-    table = Table(title, "rms [N·m]", "relative", "noise rms [N·m]", box=None)
+def _residuals(title: str, residuals: dict[str, dict[str, Any]], relative: float) -> Table:
+    table = Table(title, "rms", "noise rms", "unit", "relative", box=None)
     for joint, r in residuals.items():
-        table.add_row(joint, figure(r["rms"]), f"{100 * r['relative']:.2f} %", figure(r["noise_rms"]))
-    table.add_row("all", "", f"{relative:.2f} %", "")
+        table.add_row(joint, figure(r["rms"]), figure(r["noise_rms"]), r["unit"], f"{100 * r['relative']:.2f} %")
+    table.add_row("all", "", "", "", f"{relative:.2f} %")
     return table
 
 

@@ -33,21 +33,22 @@ def plot_torques(path: Path, arm: str, result: LinkIdentification, trajectory: T
             color=MUTED,
             lw=1.2,
             ls="--",
-            label=_label("URDF", urdf.predicted, measured, i),
+            label=_label("URDF", urdf.predicted, measured, i, result.body.axes[i].torque_unit),
         )
         axis.plot(
             identified.t,
             identified.predicted[:, i],
             color=ACCENT,
             lw=1.2,
-            label=_label("identified", identified.predicted, measured, i),
+            label=_label("identified", identified.predicted, measured, i, result.body.axes[i].torque_unit),
         )
-        axis.set_ylabel(f"{joint}\ntorque [N·m]")
+        unit = result.body.axes[i].torque_unit
+        axis.set_ylabel(f"{joint}\n{'torque' if unit == 'N·m' else 'force'} [{unit}]")
         axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]")
     finish(fig, path)
 
 
-def _label(name: str, predicted: Array, measured: Array, joint: int) -> str:
+def _label(name: str, predicted: Array, measured: Array, joint: int, unit: str) -> str:
     off = float(np.sqrt(np.mean((predicted[:, joint] - measured[:, joint]) ** 2)))
-    return f"{name}, off by {off:.3g} N·m rms"
+    return f"{name}, off by {off:.3g} {unit} rms"

@@ -65,3 +65,12 @@ def test_kinova_with_seconds_of_motion_needs_and_gets_its_prior() -> None:
     assert alone.fit.relative_error < 5.0
     assert alone.hold_out.relative_error > 3.0 * informed.hold_out.relative_error
     assert informed.hold_out.relative_error < 10.0
+
+
+def test_a_sliding_axis_is_told_in_newtons() -> None:
+    needs("emps")
+    arm = emps()
+    answer = identify_links(arm.body, arm.training, hold_out=arm.judging).as_json()
+    assert {effect["unit"] for effect in answer["effects"]} == {"N", "N·s/m"}
+    assert [parameter["unit"] for parameter in answer["base_parameters"]] == ["kg"]
+    assert answer["torque_residual"]["axis"]["unit"] == answer["hold_out"]["axis"]["unit"] == "N"
