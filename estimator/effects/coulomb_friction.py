@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,9 @@ class CoulombFriction(JointEffect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         return np.array([SHARP]), np.array([parameters["level"]], dtype=float)
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        plant.friction[self.joint(place)] += parameters["level"]
 
 
 EFFECT = CoulombFriction()

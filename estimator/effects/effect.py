@@ -22,8 +22,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from config import InputError
 from estimator.effects.signals import Scales, Signals
 from estimator.rigid_body import RigidBody
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -58,6 +60,11 @@ class Effect(ABC):
     experiment: ClassVar[str]
     """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint's name."""
     equation: ClassVar[Equation] = "torque"
+    """Of all its places but those that `equation_at` knows better."""
+
+    def equation_at(self, place: Place) -> Equation:
+        """The equation that it enters at this place."""
+        return self.equation
 
     @abstractmethod
     def places(self, body: RigidBody) -> list[Place]:
@@ -93,12 +100,17 @@ class Effect(ABC):
 
     def torque(self, place: Place, parameters: Parameters, signals: Signals) -> Array:
         """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m."""
-        if self.equation != "torque":
+        if self.equation_at(place) != "torque":
             return np.zeros_like(signals.q)
         theta, coefficients = self.unknowns(place, parameters)
         result = np.zeros_like(signals.q)
         result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
         return result
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        """Put the effect into the twin's plant. An effect of the wrench channel leaves the motion as it is."""
+        if self.equation_at(place) != "wrench":
+            raise NotImplementedError(f"{self.name} does not say how it moves the simulated arm")
 
 
 class JointEffect(Effect):
@@ -116,3 +128,25 @@ class JointEffect(Effect):
     def nonnegative(self, count: int) -> tuple[Array, Array]:
         """Limits of ``count`` coefficients that cannot be negative."""
         return np.zeros(count), np.full(count, np.inf)
+
+
+class WrenchEffect(Effect):
+    """An effect of the wrist's wrench sensor; it leaves the motion as it is."""
+
+    equation = "wrench"
+
+    def places(self, body: RigidBody) -> list[Place]:
+        return [Place(channel="wrench")]
+
+    def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        return tuple(range(6))
+
+    @staticmethod
+    def wrench(signals: Signals) -> Array:
+        """(samples, 6) what the given load should make the sensor read.
+
+        Raises InputError when the signals come without a load.
+        """
+        if signals.load_wrench is None:
+            raise InputError("wrench", "has no load to be compared with", "give the load, or identify it first")
+        return signals.load_wrench

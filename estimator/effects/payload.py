@@ -11,6 +11,7 @@ from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
 from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,11 @@ class Payload(Effect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         return np.zeros(0), parameters["mass"] * np.append(1.0, parameters["centre"])
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        mass, centre = float(parameters["mass"]), np.asarray(parameters["centre"], dtype=float)
+        about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        plant.parameters[-10:] += [mass, *(mass * centre), *about[np.triu_indices(3)]]
 
 
 EFFECT = Payload()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from estimator.regressor import inverse_dynamics
+from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -44,6 +44,8 @@ class Signals:
     """°C"""
     wrench: Array | None = None
     """(samples, 6) N and N·m in the sensor's frame."""
+    load_wrench: Array | None = None
+    """(samples, 6) what the sensor should exert on the given load during this motion."""
 
     @classmethod
     def of_motion(cls, body: RigidBody, t: Array, q: Array, dq: Array, ddq: Array) -> Signals:
@@ -72,16 +74,8 @@ class Signals:
         return np.asarray(result)
 
     def direction(self, joint: int, width: float) -> Array:
-        """(samples,) tanh(dq/width), averaged over each sample's own interval: a sign that changes between two samples
-        keeps its area, so nothing depends on where the samples fall."""
-        speed = self.dq[:, joint] / width
-        middle = (speed[1:] + speed[:-1]) / 2.0
-        edges = np.concatenate([[1.5 * speed[0] - 0.5 * speed[1]], middle, [1.5 * speed[-1] - 0.5 * speed[-2]]])
-        area = np.logaddexp(edges, -edges)
-        step = np.diff(edges)
-        still = np.abs(step) < 1e-6
-        mean = np.diff(area) / np.where(still, 1.0, step)
-        return np.asarray(np.where(still, np.tanh(speed), mean))
+        """(samples,) `averaged_sign` of a joint's speed."""
+        return averaged_sign(self.dq[:, joint], width)
 
     @cached_property
     def sensitivity(self) -> tuple[Array, Array, Array]:
@@ -98,6 +92,23 @@ class Signals:
             upper = np.triu(data.M)
             result[2, k] = upper + np.triu(upper, 1).T
         return result[0], result[1], result[2]
+
+    def gravity_torque(self, gravity: Array) -> Array:
+        """(samples, n) N·m that hold the given model against a gravity (3,) m/s² of the base's frame."""
+        still = np.zeros_like(self.q)
+        body = replace(self.body, gravity=gravity)
+        return inverse_dynamics(body, self.body.prior(), self.q, still, still)
+
+    @cached_property
+    def reach(self) -> Array:
+        """(samples, n, 3) N·m of each joint for a unit force of the arm on the world, along x, y, z of the base, at the
+        origin of the last link's frame: the transposed Jacobian, which is what holds a unit mass there."""
+        still = np.zeros_like(self.q)
+        mass = 10 * (self.body.n - 1)
+        columns = [
+            torque_regressor(replace(self.body, gravity=-axis), self.q, still, still)[:, :, mass] for axis in np.eye(3)
+        ]
+        return np.stack(columns, axis=2)
 
     def by_angle_error(self, joint: int, error: Array) -> Array:
         """(samples, n): what the model's torque gains when the true angle of a joint is ``error`` (samples,) rad more
@@ -150,3 +161,16 @@ class Scales:
             duration=max(float(piece.t[-1]) for piece in pieces),
             band=band,
         )
+
+
+def averaged_sign(x: Array, width: float) -> Array:
+    """(samples,) tanh(x/width), averaged over each sample's own interval: a sign that changes between two samples
+    keeps its area, so nothing depends on where the samples fall."""
+    share = x / width
+    middle = (share[1:] + share[:-1]) / 2.0
+    edges = np.concatenate([[1.5 * share[0] - 0.5 * share[1]], middle, [1.5 * share[-1] - 0.5 * share[-2]]])
+    area = np.logaddexp(edges, -edges)
+    step = np.diff(edges)
+    still = np.abs(step) < 1e-6
+    mean = np.diff(area) / np.where(still, 1.0, step)
+    return np.asarray(np.where(still, np.tanh(share), mean))

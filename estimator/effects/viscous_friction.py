@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,9 @@ class ViscousFriction(JointEffect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         return np.zeros(0), np.array([parameters["coefficient"]], dtype=float)
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        plant.viscous[self.joint(place)] += parameters["coefficient"]
 
 
 EFFECT = ViscousFriction()

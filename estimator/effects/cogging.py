@@ -1,0 +1,47 @@
+"""Cogging: magnets pull the rotor towards the teeth, a·sin(k·q + φ), whatever the torque."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.effect import JointEffect, Parameters, Place
+from estimator.effects.signals import Scales, Signals
+from estimator.effects.waves import amplitude_and_phase, coefficients_of, orders, quadratures
+from estimator.twin.plant import PlantDraft
+
+Array = NDArray[np.float64]
+
+
+class Cogging(JointEffect):
+    """theta is the order k, periods a turn of the joint."""
+
+    name = "cogging"
+    units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
+    confused_with = ("encoder_eccentricity", "torque_ripple")
+    experiment = "sweep joint {joint} slowly through full turns, both ways"
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        return orders(scales, self.joint(place))[:, None]
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        joint = self.joint(place)
+        return quadratures(theta[0] * signals.q[:, joint])[:, None, :]
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        amplitude, phase = amplitude_and_phase(coefficients)
+        return {"order": float(theta[0]), "amplitude": amplitude, "phase": phase}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        order, amplitude, phase = (float(parameters[name]) for name in self.units)
+        return np.array([order]), coefficients_of(amplitude, phase)
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        order, amplitude, phase = (float(parameters[name]) for name in self.units)
+        plant.spending.append((self.joint(place), lambda at: amplitude * math.sin(order * at.q + phase)))
+
+
+EFFECT = Cogging()

@@ -1,0 +1,56 @@
+"""Friction drift: the friction level goes from one value to another while the joint runs in or warms up."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.coulomb_friction import SHARP, WIDTHS
+from estimator.effects.effect import JointEffect, Parameters, Place
+from estimator.effects.signals import Scales, Signals
+from estimator.twin.plant import PlantDraft
+
+Array = NDArray[np.float64]
+
+TIMES = (0.1, 0.3, 1.0)
+"""Time constants to try, as shares of the longest recording."""
+
+
+class FrictionDrift(JointEffect):
+    """(final + (initial − final)·exp(−t/T))·sign(dq), t from the recording's start; theta is T and the sign's width."""
+
+    name = "friction_drift"
+    units: ClassVar = {"initial": "N·m", "final": "N·m", "time_constant": "s"}
+    confused_with = ("torque_offset", "coulomb_friction")
+    contains = ("coulomb_friction",)
+    experiment = "repeat the first motion of joint {joint} last, after some minutes of work"
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        widths = np.array(WIDTHS) * scales.dq[self.joint(place)]
+        return np.array([[scales.duration * share, width] for share in TIMES for width in widths])
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        sign = signals.direction(self.joint(place), float(theta[1]))
+        return np.stack([sign * np.exp(-signals.t / theta[0]), sign], axis=1)[:, None, :]
+
+    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+        return np.array([-np.inf, 0.0]), np.full(2, np.inf)
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        change, final = map(float, coefficients)
+        return {"initial": final + change, "final": final, "time_constant": float(theta[0])}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        initial, final, time = (float(parameters[name]) for name in self.units)
+        return np.array([time, SHARP]), np.array([initial - final, final])
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        (time, _), (change, final) = self.unknowns(place, parameters)
+        plant.friction[self.joint(place)] += final
+        plant.rubbing.append((self.joint(place), lambda at: change * math.exp(-at.t / time)))
+
+
+EFFECT = FrictionDrift()

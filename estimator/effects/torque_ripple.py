@@ -1,0 +1,47 @@
+"""Torque ripple: the motor's torque varies with its angle, tau·a·sin(k·q + φ)."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.effect import JointEffect, Parameters, Place
+from estimator.effects.signals import Scales, Signals
+from estimator.effects.waves import amplitude_and_phase, coefficients_of, orders, quadratures
+from estimator.twin.plant import PlantDraft
+
+Array = NDArray[np.float64]
+
+
+class TorqueRipple(JointEffect):
+    """theta is the order k; tau is taken from the given model."""
+
+    name = "torque_ripple"
+    units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
+    confused_with = ("cogging",)
+    experiment = "sweep joint {joint} slowly through its range, under two loads"
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        return orders(scales, self.joint(place))[:, None]
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        joint = self.joint(place)
+        return (signals.tau_rigid[:, [joint]] * quadratures(theta[0] * signals.q[:, joint]))[:, None, :]
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        amplitude, phase = amplitude_and_phase(coefficients)
+        return {"order": float(theta[0]), "amplitude": amplitude, "phase": phase}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        order, amplitude, phase = (float(parameters[name]) for name in self.units)
+        return np.array([order]), coefficients_of(amplitude, phase)
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        order, amplitude, phase = (float(parameters[name]) for name in self.units)
+        plant.spending.append((self.joint(place), lambda at: at.motor * amplitude * math.sin(order * at.q + phase)))
+
+
+EFFECT = TorqueRipple()

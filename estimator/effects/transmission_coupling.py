@@ -1,0 +1,73 @@
+"""Transmission coupling: two joints share a transmission, and friction acts on a combination of their speeds."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.coulomb_friction import SHARP, WIDTHS
+from estimator.effects.effect import Effect, Parameters, Place
+from estimator.effects.signals import Scales, Signals, averaged_sign
+from estimator.rigid_body import RigidBody
+from estimator.twin.plant import Coupling, PlantDraft
+
+Array = NDArray[np.float64]
+
+RATIOS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
+"""Ratios to try."""
+APART = 2
+"""Joints that share a transmission lie at most this many apart in the chain, as the three of a wrist do."""
+
+
+class TransmissionCoupling(Effect):
+    """With w = dq + ratio·dq_other the combination spends b·w + c·sign(w); the joint feels it once, the other
+    ``ratio`` times. ``coefficient`` is b, ``level`` c. theta is the ratio and the sign's width."""
+
+    name = "transmission_coupling"
+    units: ClassVar = {"joint_other": "–", "ratio": "–", "coefficient": "N·m·s/rad", "level": "N·m"}
+    confused_with = ("coulomb_friction", "viscous_friction")
+    experiment = "move joint {joint} alone, the joint it shares a transmission with alone, then both together"
+
+    def places(self, body: RigidBody) -> list[Place]:
+        return [Place(i, other=j) for i in range(body.n) for j in range(i + 1, min(i + APART + 1, body.n))]
+
+    def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        return pair(place)
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        joint, other = pair(place)
+        return np.array([[r, WIDTHS[0] * (scales.dq[joint] + abs(r) * scales.dq[other])] for r in RATIOS])
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        joint, other = pair(place)
+        ratio, width = map(float, theta)
+        speed = signals.dq[:, joint] + ratio * signals.dq[:, other]
+        spent = np.stack([speed, averaged_sign(speed, width)], axis=1)
+        return np.stack([spent, ratio * spent], axis=1)
+
+    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+        return np.zeros(2), np.full(2, np.inf)
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        viscous, level = map(float, coefficients)
+        return {"joint_other": pair(place)[1], "ratio": float(theta[0]), "coefficient": viscous, "level": level}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        ratio, viscous, level = (float(parameters[name]) for name in ("ratio", "coefficient", "level"))
+        return np.array([ratio, SHARP]), np.array([viscous, level])
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        (ratio, _), (viscous, level) = self.unknowns(place, parameters)
+        plant.couplings.append(Coupling(*pair(place), float(ratio), float(viscous), float(level)))
+
+
+def pair(place: Place) -> tuple[int, int]:
+    """The two joints of a place, which it always has."""
+    assert place.joint is not None
+    assert place.other is not None
+    return place.joint, place.other
+
+
+EFFECT = TransmissionCoupling()

@@ -1,0 +1,73 @@
+"""Transport delay: one channel of the recording is late."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.effect import Effect, Equation, Parameters, Place
+from estimator.effects.signals import Scales, Signals
+from estimator.rigid_body import RigidBody
+from estimator.twin.plant import PlantDraft
+
+Array = NDArray[np.float64]
+
+EQUATIONS: Mapping[str, Equation] = {
+    "torque": "torque",
+    "position": "torque",
+    "velocity": "velocity",
+    "wrench": "wrench",
+}
+"""Channel → the equation in which its lateness shows."""
+DELAYS = (0.001, 0.005, 0.02)
+"""s, to try."""
+
+
+class TransportDelay(Effect):
+    """All joints of a channel are late alike. theta is the delay δ of the shape (x(t − δ) − x(t))/δ, the coefficient
+    the delay itself: to first order in it the two are independent. Late angles make the torques seem early."""
+
+    name = "transport_delay"
+    units: ClassVar = {"delay": "s"}
+    confused_with = ("viscous_friction", "joint_elasticity", "presliding")
+    experiment = "swing every joint at two frequencies, a fast and a slow one"
+
+    def places(self, body: RigidBody) -> list[Place]:
+        return [Place(channel=channel) for channel in EQUATIONS]
+
+    def equation_at(self, place: Place) -> Equation:
+        assert place.channel is not None
+        return EQUATIONS[place.channel]
+
+    def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        return tuple(range(6 if place.channel == "wrench" else body.n))
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        return np.array(DELAYS)[:, None]
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        by = -float(theta[0]) if place.channel == "position" else float(theta[0])
+        channel = {"velocity": signals.dq, "wrench": signals.load_wrench}.get(str(place.channel), signals.tau_rigid)
+        assert channel is not None
+        shifted = [np.interp(signals.t - by, signals.t, column) for column in channel.T]
+        return ((np.array(shifted).T - channel) / abs(by))[:, :, None]
+
+    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+        return np.zeros(1), np.full(1, np.inf)
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        return {"delay": float(coefficients[0])}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        delay = float(parameters["delay"])
+        return np.array([delay if delay > 0.0 else DELAYS[0]]), np.array([delay])
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        assert place.channel is not None
+        plant.late[place.channel] = plant.late.get(place.channel, 0.0) + float(parameters["delay"])
+
+
+EFFECT = TransportDelay()

@@ -1,0 +1,39 @@
+"""A sine of an angle, linear in its quadratures: a·sin(x + φ) = (a·cos φ)·sin x + (a·sin φ)·cos x."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.signals import Scales
+
+Array = NDArray[np.float64]
+
+MOST_ORDERS = 96
+"""More are not tried; the highest are then left out."""
+
+
+def orders(scales: Scales, joint: int) -> Array:
+    """Orders a turn to try at a joint: as close as its range can tell apart, up to where the band ends."""
+    step = max(math.pi / max(float(scales.q_high[joint] - scales.q_low[joint]), 1e-3), 0.5)
+    highest = 2.0 * math.pi * scales.band / max(float(scales.dq[joint]), 1e-6)
+    count = int(min(max((highest - 1.0) / step, 0.0) + 1.0, MOST_ORDERS))
+    return np.asarray(1.0 + step * np.arange(count))
+
+
+def quadratures(angle: Array) -> Array:
+    """(samples, 2): sine and cosine."""
+    return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+
+
+def amplitude_and_phase(coefficients: Array) -> tuple[float, float]:
+    """Of the two coefficients; the phase is in (−π, π] rad."""
+    sine, cosine = map(float, coefficients)
+    return math.hypot(sine, cosine), math.atan2(cosine, sine)
+
+
+def coefficients_of(amplitude: float, phase: float) -> Array:
+    """The inverse."""
+    return np.array([amplitude * math.cos(phase), amplitude * math.sin(phase)])

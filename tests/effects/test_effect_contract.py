@@ -1,0 +1,173 @@
+"""The contract of an effect, which every effect of the catalogue keeps by being there."""
+
+from __future__ import annotations
+
+import re
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator.effects import Effect, Place, Scales, Signals, catalogue, effect
+from estimator.rigid_body import PARAMETERS, RigidBody
+from estimator.twin.plant import PlantDraft
+
+Array = NDArray[np.float64]
+
+PARAMETERS_OF = {
+    "viscous_friction": {"coefficient"},
+    "coulomb_friction": {"level"},
+    "asymmetric_friction": {"level_positive", "level_negative", "coefficient_positive", "coefficient_negative"},
+    "stribeck_friction": {"level", "breakaway", "velocity", "coefficient"},
+    "load_dependent_friction": {"coefficient"},
+    "presliding": {"stiffness", "level"},
+    "friction_drift": {"initial", "final", "time_constant"},
+    "rotor_inertia": {"inertia"},
+    "joint_spring": {"stiffness", "centre"},
+    "joint_elasticity": {"stiffness", "damping"},
+    "backlash": {"gap"},
+    "cogging": {"order", "amplitude", "phase"},
+    "torque_ripple": {"order", "amplitude", "phase"},
+    "torque_constant_error": {"gain"},
+    "torque_nonlinearity": {"limit", "dead_zone"},
+    "torque_offset": {"offset"},
+    "transmission_coupling": {"joint_other", "ratio", "coefficient", "level"},
+    "link_inertia": set(PARAMETERS),
+    "payload": {"mass", "centre"},
+    "base_tilt": {"roll", "pitch"},
+    "contact": {"where", "force"},
+    "transport_delay": {"delay"},
+    "encoder_offset": {"offset"},
+    "encoder_eccentricity": {"amplitude", "phase"},
+    "velocity_sensor_gain": {"gain"},
+    "wrench_bias": {"bias"},
+    "wrench_drift": {"rate"},
+    "wrench_gain": {"matrix"},
+    "wrench_misalignment": {"rotation"},
+    "wrench_resonance": {"frequency", "damping"},
+    "nonrigid_load": set[str](),
+}
+UNIT = re.compile(r"–|(1/turn|N·m·s/rad|N·m/rad|N·m/s|N·m|N/s|N|kg·m²|kg·m|kg|rad/s|rad|Hz|m|s)(, N·m(/s)?)?")
+
+everyone = pytest.mark.parametrize("name", sorted(catalogue()))
+
+
+def a_place(found: Effect, body: RigidBody) -> Place:
+    """One in the middle of the arm, where joints are that carry others."""
+    places = found.places(body)
+    return places[len(places) // 3]
+
+
+def possible(found: Effect, place: Place, scales: Scales, count: int, seed: int = 0) -> Array:
+    """Coefficients within their limits."""
+    values = np.random.default_rng(seed).uniform(0.1, 0.5, count)
+    limits = found.limits(place, scales)
+    return values if limits is None else np.clip(values, *limits)
+
+
+def test_the_catalogue_is_the_documented_one() -> None:
+    assert {name: set(found.units) for name, found in catalogue().items()} == PARAMETERS_OF
+    with pytest.raises(Exception, match="not in the catalogue"):
+        effect("gremlins")
+
+
+@everyone
+def test_it_says_what_it_is(name: str) -> None:
+    found = effect(name)
+    assert type(found).__module__.endswith(f".{name}")
+    assert all(UNIT.fullmatch(unit) for unit in found.units.values())
+    assert found.experiment.format(joint="elbow")
+    assert found.experiment[0].islower(), "it stands in the middle of a sentence"
+    others = {other.split(" of a neighbour")[0] for other in found.confused_with}
+    assert others, "nothing in the catalogue is beyond confusion"
+    assert others | set(found.contains) <= set(catalogue())
+
+
+@everyone
+def test_places_and_rows_are_of_the_arm(name: str, arm: RigidBody) -> None:
+    found = effect(name)
+    places = found.places(arm)
+    assert len(set(places)) == len(places) > 0
+    for place in places:
+        rows = found.rows(arm, place)
+        assert list(rows) == sorted(set(rows))
+        assert set(rows) <= set(range(6 if found.equation_at(place) == "wrench" else arm.n))
+
+
+@everyone
+def test_columns_are_finite_for_every_choice(name: str, signals: Signals, scales: Scales) -> None:
+    found, felt = effect(name), 0
+    for place in found.places(signals.body):
+        rows, counts = len(found.rows(signals.body, place)), set()
+        grid = found.grid(place, scales)
+        assert grid.ndim == 2
+        assert 0 < len(grid) <= 96
+        for theta in grid[[0, len(grid) // 2, -1]]:
+            columns = found.columns(place, signals, theta)
+            counts.add(columns.shape[2])
+            assert columns.shape == (signals.samples, rows, *counts)
+            assert np.isfinite(columns).all()
+            felt += bool(np.any(columns))
+        limits = found.limits(place, scales)
+        if limits is not None:
+            low, high = limits
+            assert low.shape == high.shape == tuple(counts)
+            assert np.all(low < high)
+            assert np.all((low <= 0.0) & (high > 0.0)), "an arm without the effect must be possible"
+    assert felt
+
+
+@everyone
+def test_parameters_are_those_of_the_catalogue_and_come_back(name: str, signals: Signals, scales: Scales) -> None:
+    found = effect(name)
+    place = a_place(found, signals.body)
+    for number, theta in enumerate(found.grid(place, scales)):
+        count = found.columns(place, signals, theta).shape[2]
+        parameters = found.parameters(place, theta, possible(found, place, scales, count, number))
+        assert set(parameters) == set(found.units)
+        again = found.parameters(place, *found.unknowns(place, parameters))
+        for key, value in parameters.items():
+            np.testing.assert_allclose(again[key], value, rtol=1e-9, atol=1e-12)
+
+
+@everyone
+def test_torque_is_what_the_columns_say(name: str, signals: Signals, scales: Scales) -> None:
+    found = effect(name)
+    place = a_place(found, signals.body)
+    theta = found.grid(place, scales)[0]
+    count = found.columns(place, signals, theta).shape[2]
+    parameters = found.parameters(place, theta, possible(found, place, scales, count))
+    torque = found.torque(place, parameters, signals)
+    assert torque.shape == signals.q.shape
+    if found.equation_at(place) != "torque":
+        assert not torque.any()
+        return
+    theta, coefficients = found.unknowns(place, parameters)
+    rows = list(found.rows(signals.body, place))
+    np.testing.assert_allclose(torque[:, rows], found.columns(place, signals, theta) @ coefficients)
+    elsewhere = [joint for joint in range(signals.body.n) if joint not in rows]
+    assert not torque[:, elsewhere].any()
+    nothing = found.parameters(place, theta, np.zeros(count))
+    np.testing.assert_allclose(found.torque(place, nothing, signals), 0.0, atol=1e-12)
+
+
+@everyone
+def test_it_says_how_it_moves_the_simulated_arm(name: str, signals: Signals, scales: Scales) -> None:
+    found = effect(name)
+    place = a_place(found, signals.body)
+    theta = found.grid(place, scales)[0]
+    count = found.columns(place, signals, theta).shape[2]
+    parameters = found.parameters(place, theta, possible(found, place, scales, count))
+    before = PlantDraft(signals.body, signals.body.prior())
+    plant = deepcopy(before)
+    found.simulate(place, parameters, plant)
+    if not type(found).__module__.split(".")[-1].startswith(("wrench_", "nonrigid_")):
+        assert differs(before, plant)
+    else:
+        assert not differs(before, plant)
+
+
+def differs(one: PlantDraft, other: PlantDraft) -> bool:
+    pairs = [(getattr(one, key), getattr(other, key)) for key in vars(one) if key != "body"]
+    return any(not np.array_equal(a, b) if isinstance(a, np.ndarray) else a != b for a, b in pairs)
