@@ -55,7 +55,7 @@ def finite_interval(
 
 
 def lifted(arm: LinearArm, loop: FeedbackLoop) -> tuple[Array, Array]:
-    """(A, B): commands (samples, n, columns), errors (samples, 2n, columns); a column a joint's feedforward at a sample."""
+    """(A, B): commands (samples, n, samples·n) and errors (samples, 2n, samples·n) of unit feedforwards."""
     a, b = arm.sampled(loop.period)
     samples, n = len(a), arm.n
     columns = samples * n
