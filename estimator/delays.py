@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from estimator.base_parameters import base_parameters
 from estimator.filtering import convolve, plan_filter, resample
+from estimator.held_by_friction import speeds_to_leave_out
 from estimator.normal_equations import assemble, excited, residual_autocovariance
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK, Layout, friction_widths, make_layout, sum_up
@@ -80,7 +81,8 @@ def torque_delay(body: RigidBody, trajectories: Sequence[Trajectory], band: floa
     motion is taken from angles and velocities together. The error is from the curvature of the profile and holds for
     a good model.
     """
-    layout = make_layout(body, base_parameters(body), candidate_terms(TERM_NAMES, friction_widths(trajectories)))
+    base, terms = base_parameters(body), candidate_terms(TERM_NAMES, friction_widths(trajectories))
+    layout = make_layout(body, base, terms, rest_speed=speeds_to_leave_out(body, base, trajectories, band))
     first = residual_power(layout, trajectories, band)
     weight = 1.0 / np.maximum(first[0], np.finfo(float).tiny)
 

@@ -27,6 +27,8 @@ class TorqueResidual:
     noise_rms: float
     unit: str
     """N·m, or N where the joint slides."""
+    in_motion: float
+    """Share of the rows that counts: friction at rest is no function of velocity (`estimator.standstill`)."""
 
 
 @dataclass(frozen=True)

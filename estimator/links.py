@@ -13,6 +13,7 @@ from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.estimation import Estimate, Estimator, Prior, estimate
 from estimator.filtering import motion_band
+from estimator.held_by_friction import speeds_to_leave_out
 from estimator.identification import Fit, LinkIdentification, TorqueResidual
 from estimator.normal_equations import assemble, residual_autocovariance, torque_power
 from estimator.rigid_body import RigidBody
@@ -67,7 +68,8 @@ def identify_links(
     band = options.band_hz or float(np.clip(_BAND_OVER_MOTION * motion_band(trajectories), _LEAST_BAND, _WIDEST_BAND))
     candidates = candidate_terms(options.terms, friction_widths(trajectories))
     by_instruments = options.estimator == "instrumental_variables"
-    layout = make_layout(body, base, candidates, instruments=by_instruments)
+    rest = speeds_to_leave_out(body, base, trajectories, band) if "coulomb_friction" in options.terms else None
+    layout = make_layout(body, base, candidates, by_instruments, rest)
     sums = sum_up(layout, trajectories, band)
     if sums.rows * body.n < 2 * layout.size and (prior is None or not sums.rows):
         raise InputError(
@@ -175,10 +177,12 @@ def _fit(layout: Layout, sums: Sums, unknowns: Array) -> Fit:
     variance = residual_autocovariance(layout, sums.batches, unknowns)[:, 0]
     power = torque_power(layout, sums.batches)
     noise = np.zeros(layout.body.n) if sums.high_frequency is None else sums.high_frequency / sums.rows
+    moving = sums.counted / sums.rows
     joints = {
         axis.name: TorqueResidual(
-            float(np.sqrt(v)), float(np.sqrt(v / p)) if p > 0.0 else 0.0, float(np.sqrt(e)), axis.torque_unit
+            float(np.sqrt(v)), float(np.sqrt(v / p)) if p > 0.0 else 0.0, float(np.sqrt(e)), axis.torque_unit, c
         )
-        for axis, v, p, e in zip(layout.body.axes, variance, power, noise, strict=True)
+        for axis, v, p, e, c in zip(layout.body.axes, variance, power, noise, moving.tolist(), strict=True)
     }
-    return Fit(joints, 100.0 * float(np.sqrt(variance.sum() / power.sum())), sums.samples, sums.rows)
+    relative = 100.0 * float(np.sqrt(variance @ moving / (power @ moving)))
+    return Fit(joints, relative, sums.samples, sums.rows)

@@ -134,25 +134,30 @@ def _scale(total: Array) -> Array:
 
 
 def residual_autocovariance(layout: Layout, batches: list[Batch], unknowns: Array) -> Array:
-    """(n, LAGS): of each joint's residual at these unknowns (P,), mean products over the rows."""
-    rows = sum(batch.rows for batch in batches)
+    """(n, LAGS): of each joint's residual at these unknowns (P,), mean products over the rows that count."""
+    counted = _counted(batches)
     result = np.zeros((layout.body.n, LAGS))
     for joint in range(layout.body.n):
         mine = layout.unknowns(joint)
         direction = np.append(-unknowns[mine], 1.0)
         p = len(mine) + 1
         total = np.sum([batch.lagged[joint][:, :p, :p] for batch in batches], axis=0)
-        result[joint] = np.einsum("a,lab,b->l", direction, total, direction) / rows
+        result[joint] = np.einsum("a,lab,b->l", direction, total, direction) / counted[joint]
     result[:, 1:] /= 2.0
     result[:, 0] = np.maximum(result[:, 0], 0.0)
     return result
 
 
 def torque_power(layout: Layout, batches: list[Batch]) -> Array:
-    """(n,) mean square of the measured torque in the rows, N²·m²."""
-    rows = sum(batch.rows for batch in batches)
+    """(n,) mean square of the measured torque in the rows that count, N²·m²."""
+    counted = _counted(batches)
     power = np.zeros(layout.body.n)
     for joint in range(layout.body.n):
         p = len(layout.unknowns(joint))
-        power[joint] = sum(float(batch.lagged[joint][0, p, p]) for batch in batches) / rows
+        power[joint] = sum(float(batch.lagged[joint][0, p, p]) for batch in batches) / counted[joint]
     return power
+
+
+def _counted(batches: list[Batch]) -> Array:
+    """(n,) rows of each joint by their squared weight; at least one."""
+    return np.asarray(np.maximum(np.sum([batch.counted for batch in batches], axis=0), 1.0))

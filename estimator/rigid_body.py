@@ -20,6 +20,9 @@ PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"
 
 UNITS = ("kg", "kg·m", "kg·m", "kg·m") + ("kg·m²",) * 6
 
+_ROUNDED_ANGLE = 6e-5
+"""rad: half the last digit of an angle with four decimals."""
+
 _FROM_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 """pinocchio has Iyy before Ixz; the permutation is its own inverse."""
 
@@ -149,6 +152,7 @@ def load_rigid_body(
         )
     if not wanted:
         raise InputError(place, "has no joint that moves", "name the recorded joints as in the URDF")
+    _square_up(full)
     held = {name: float(hold.get(name, 0.0)) for name in known if name not in wanted}
     model = full
     if held:
@@ -163,6 +167,17 @@ def load_rigid_body(
     model.gravity.linear = np.asarray(gravity, dtype=float)
     axes = tuple(_axis(model, index, place) for index in range(1, model.njoints))
     return RigidBody(model, axes, np.asarray(gravity, dtype=float), held, text)
+
+
+def _square_up(model: Any) -> None:
+    """Right angles that a URDF writes with few digits (1.5708) become right angles.
+
+    Frames that are square but for rounding make parameters identifiable in theory that no motion could tell.
+    """
+    for placement in model.jointPlacements:
+        square = np.round(placement.rotation)
+        if np.abs(placement.rotation - square).max() < _ROUNDED_ANGLE:
+            placement.rotation = square
 
 
 def _urdf_text(urdf: str | Path) -> tuple[str, str]:

@@ -12,6 +12,7 @@ from estimator.base_parameters import BaseParameters
 from estimator.filtering import Decimator, FilterPlan, Motion, convolve, plan_filter, resample, smooth_motion
 from estimator.regressor import regressor_blocks
 from estimator.rigid_body import RigidBody
+from estimator.standstill import motion_weight, rms_speeds
 from estimator.sums import Sums
 from estimator.terms import Term
 from estimator.trajectory import Trajectory
@@ -37,6 +38,8 @@ class Layout:
     """For each joint the base parameters that act on its torque."""
     instruments: bool
     """Whether the same columns of the commanded motion follow the torque."""
+    rest_speed: Array
+    """(n,) rad/s below which a joint's rows do not count (`estimator.standstill`)."""
 
     @property
     def size(self) -> int:
@@ -50,27 +53,26 @@ class Layout:
 
 
 def make_layout(
-    body: RigidBody, base: BaseParameters, terms: Sequence[Sequence[Term]], instruments: bool = False
+    body: RigidBody,
+    base: BaseParameters,
+    terms: Sequence[Sequence[Term]],
+    instruments: bool = False,
+    rest_speed: Array | None = None,
 ) -> Layout:
-    """Layout of an arm; which base parameters reach which joint follows from its geometry."""
+    """Layout of an arm; which base parameters reach which joint follows from its geometry. Without ``rest_speed`` all
+    samples count."""
     random = np.random.default_rng(1)
     q, dq, ddq = random.normal(0.0, 2.0, (3, 40, body.n))
     blocks = [block.copy() for _, block in regressor_blocks(body, q, dq, ddq)]
     magnitude = np.abs(np.concatenate(blocks, axis=2)).max(axis=2)[:, list(base.kept)]
     active = [tuple(np.flatnonzero(row > 1e-9 * magnitude.max()).tolist()) for row in magnitude]
-    return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments)
+    rest = np.zeros(body.n) if rest_speed is None else rest_speed
+    return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments, rest)
 
 
 def friction_widths(trajectories: Sequence[Trajectory]) -> Array:
     """(n, 3) rad/s: widths of the friction sigmoid to choose from, by each joint's rms speed."""
-    square, duration = 0.0, 0.0
-    for trajectory in trajectories:
-        q = trajectory.q[:: max(1, round(trajectory.rate / 50.0))]
-        t = trajectory.t[:: max(1, round(trajectory.rate / 50.0))]
-        steps = np.diff(t)[:, None]
-        square = square + np.nansum(np.diff(q, axis=0) ** 2 / steps, axis=0)
-        duration += float(t[-1] - t[0])
-    speed = np.sqrt(np.asarray(square) / duration)
+    speed = rms_speeds(trajectories)
     return np.asarray(np.maximum(speed, 1e-3 * speed.max())[:, None] * _WIDTHS)
 
 
@@ -78,13 +80,16 @@ def sum_up(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> S
     """One pass over the recordings. ``band`` Hz is the half-power edge of the parallel low-pass."""
     sums = Sums(high_frequency=np.zeros(layout.body.n))
     for recording, trajectory in enumerate(trajectories):
-        for rows in trajectory_rows(layout, trajectory, band, sums):
-            sums.add(rows, recording)
+        for rows, counted in trajectory_rows(layout, trajectory, band, sums):
+            sums.add(rows, recording, counted)
     return sums
 
 
-def trajectory_rows(layout: Layout, trajectory: Trajectory, band: float, sums: Sums) -> Iterator[list[Array]]:
-    """Rows of one recording, segment by segment; counts samples and high-frequency torque in ``sums``."""
+def trajectory_rows(
+    layout: Layout, trajectory: Trajectory, band: float, sums: Sums
+) -> Iterator[tuple[list[Array], Array]]:
+    """Rows of one recording, segment by segment, and how much of each joint's rows counts (n, rows); counts samples and
+    high-frequency torque in ``sums``."""
     plan = plan_filter(trajectory.rate, band)
     rows_of = _RowMaker(layout, plan)
     for piece in trajectory.segments(CHUNK, 2 * plan.edge, layout.instruments):
@@ -131,18 +136,19 @@ class _RowMaker:
         self.coarse = Decimator(plan.decimation)
         self.fine = Decimator(plan.stride * plan.decimation)
 
-    def __call__(self, motion: Motion, tau: Array, desired: Motion | None) -> list[Array]:
+    def __call__(self, motion: Motion, tau: Array, desired: Motion | None) -> tuple[list[Array], Array]:
         n = self.layout.body.n
-        taper = self._taper(len(tau))
-        rigid = self._rigid(motion, taper)
-        terms = self._terms(motion, taper)
-        torque = self.fine(tau.T * taper)
+        length = self.plan.stride * self.plan.decimation
+        weight = self._taper(len(tau)) * motion_weight(motion.dq, self.layout.rest_speed, length)
+        rigid = self._rigid(motion, weight)
+        terms = self._terms(motion, weight)
+        torque = self.fine(tau.T * weight)
         parts = [[rigid[j], terms[j], torque[j : j + 1]] for j in range(n)]
         if desired is not None:
-            rigid, terms = self._rigid(desired, taper), self._terms(desired, taper)
+            rigid, terms = self._rigid(desired, weight), self._terms(desired, weight)
             for j in range(n):
                 parts[j] += [rigid[j], terms[j]]
-        return [np.concatenate(part) for part in parts]
+        return [np.concatenate(part) for part in parts], weight[:, ::length] ** 2
 
     def _taper(self, samples: int) -> Array:
         """Rises and falls over one row: the sums over coarse and fine samples then agree at the ends as well."""
@@ -154,23 +160,23 @@ class _RowMaker:
             taper[-length:] *= ramp[::-1]
         return taper
 
-    def _rigid(self, motion: Motion, taper: Array) -> list[Array]:
+    def _rigid(self, motion: Motion, weight: Array) -> list[Array]:
         layout, stride = self.layout, self.plan.stride
         kept, sign = np.array(layout.base.kept), layout.base.sign
         q, dq, ddq = (np.asarray(x[::stride]) for x in (motion.q, motion.dq, motion.ddq))
-        weight = taper[::stride]
+        weight = weight[:, ::stride]
         columns = [kept[list(active)] for active in layout.active]
         signs = [sign[list(active)][:, None] for active in layout.active]
         rows = [np.empty((len(active), len(q))) for active in layout.active]
         for span, block in regressor_blocks(layout.body, q, dq, ddq):
             for joint in range(layout.body.n):
-                np.multiply(block[joint, columns[joint]], signs[joint] * weight[span], out=rows[joint][:, span])
+                np.multiply(block[joint, columns[joint]], signs[joint] * weight[joint, span], out=rows[joint][:, span])
         return [self.coarse(x) for x in rows]
 
-    def _terms(self, motion: Motion, taper: Array) -> list[Array]:
+    def _terms(self, motion: Motion, weight: Array) -> list[Array]:
         result: list[Array] = []
         for joint, terms in enumerate(self.layout.terms):
             dq, ddq = motion.dq[:, joint], motion.ddq[:, joint]
             columns = np.array([term.column(dq, ddq) for term in terms]).reshape(len(terms), len(dq))
-            result.append(self.fine(columns * taper))
+            result.append(self.fine(columns * weight[joint]))
         return result

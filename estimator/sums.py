@@ -31,9 +31,12 @@ class Batch:
     rows: int
     recording: int
     lagged: list[Array]
+    counted: Array
+    """(n,) rows by their squared weight: of a joint that rests for a while, fewer than ``rows``."""
 
     def absorb(self, other: Batch) -> None:
         self.rows += other.rows
+        self.counted = self.counted + other.counted
         for mine, theirs in zip(self.lagged, other.lagged, strict=True):
             mine += theirs
 
@@ -55,20 +58,29 @@ class Sums:
         """Decimated rows a joint."""
         return sum(batch.rows for batch in self.batches)
 
-    def add(self, rows: Sequence[Array], recording: int) -> None:
-        """Rows of one segment: for each joint an array (c_i, rows) on the decimated grid."""
+    @property
+    def counted(self) -> Array:
+        """(n,) rows of each joint by their squared weight."""
+        return np.asarray(np.sum([batch.counted for batch in self.batches], axis=0))
+
+    def add(self, rows: Sequence[Array], recording: int, counted: Array | None = None) -> None:
+        """Rows of one segment: for each joint an array (c_i, rows) on the decimated grid, and (n, rows) squared weights
+        with which they were made; without them all count fully."""
         count = rows[0].shape[1]
+        weights = np.ones((len(rows), count)) if counted is None else counted
         pieces = int(np.clip(count // _LEAST_ROWS, 1, 10))
         edges = np.linspace(0, count, pieces + 1).astype(int)
         for begin, end in pairwise(edges):
-            self.batches.append(Batch(int(end - begin), recording, [_lagged_products(x, begin, end) for x in rows]))
+            products = [_lagged_products(x, begin, end) for x in rows]
+            self.batches.append(Batch(int(end - begin), recording, products, weights[:, begin:end].sum(axis=1)))
         self._thin()
 
     def merge(self, other: Sums) -> None:
         """Takes in another's sums of the same columns; its recordings count as others than one's own."""
         offset = 1 + max((batch.recording for batch in self.batches), default=-1)
         for batch in other.batches:
-            self.batches.append(Batch(batch.rows, batch.recording + offset, [x.copy() for x in batch.lagged]))
+            lagged = [x.copy() for x in batch.lagged]
+            self.batches.append(Batch(batch.rows, batch.recording + offset, lagged, batch.counted.copy()))
         self.samples += other.samples
         self.duration += other.duration
         if other.high_frequency is not None:

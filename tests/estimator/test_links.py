@@ -158,7 +158,7 @@ def test_answer_is_plain_json(dda: RigidBody, measured_dda: Recordings) -> None:
         "samples", "base_parameters", "identifiability", "torque_residual", "hold_out", "status", "condition_number",
     } <= set(answer)  # fmt: skip
     assert set(answer["base_parameters"][0]) == {"name", "value", "standard_error", "unit"}
-    assert set(answer["torque_residual"]["joint1"]) == {"rms", "relative", "noise_rms", "unit"}
+    assert set(answer["torque_residual"]["joint1"]) == {"rms", "relative", "noise_rms", "unit", "in_motion"}
     assert set(answer["identifiability"]) == {"alone", "combined", "not"}
 
 

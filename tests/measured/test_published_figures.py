@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.measured import emps, is_here, kinova, panda, whole_panda
+from benchmarks.measured import emps, is_here, kinova, kuka, panda, whole_panda
 from estimator import LinkOptions, identify_links
 from estimator.links import Prior
 from estimator.prediction import torque_history
@@ -74,3 +74,15 @@ def test_a_sliding_axis_is_told_in_newtons() -> None:
     assert {effect["unit"] for effect in answer["effects"]} == {"N", "N·s/m"}
     assert [parameter["unit"] for parameter in answer["base_parameters"]] == ["kg"]
     assert answer["torque_residual"]["axis"]["unit"] == answer["hold_out"]["axis"]["unit"] == "N"
+
+
+def test_kuka_predicts_motion_it_has_not_seen() -> None:
+    """Kinematics alone are known of this arm: no masses, no inertias. Without leaving out what friction holds at rest
+    it is 14 % where it was learnt and 16 % held out."""
+    needs("kuka_kr300")
+    arm = kuka()
+    found = identify_links(arm.body, arm.training, hold_out=arm.judging)
+    assert found.status == "identified"
+    assert found.fit.relative_error < 2.5
+    assert found.hold_out is not None
+    assert found.hold_out.relative_error < 3.0
