@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: install demo test test-fast test-vcan check bench lock clean
+.PHONY: install demo test test-fast test-vcan check bench campaign lock clean
 
 install: .venv/installed
 
@@ -32,6 +32,9 @@ check: install  ## formatting, lint, types, import directions
 
 bench: install  ## every performance figure, beside its reference
 	$(BIN)/python -m benchmarks
+
+campaign: install  ## the hidden-effect campaign: how often the diagnosis is right, wrong, silent
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.campaign
 
 lock:  ## resolve the dependencies again
 	$(PYTHON) -m venv .venv/lock && .venv/lock/bin/pip install --quiet uv

@@ -1,0 +1,77 @@
+"""`make campaign`: many sealed scenarios, the finder's answer to each, and the figures that come of them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from itertools import chain
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.campaign.campaign import run_campaign
+from benchmarks.campaign.finding import by_command
+from benchmarks.campaign.judging import Judgement
+from benchmarks.campaign.scenario import ALL, Plan, draw_plans
+from benchmarks.campaign.tally import CampaignFigure, mistaken, tally
+
+
+def main() -> int:
+    options = _options()
+    plans = draw_plans(options.scenarios, options.seed)
+    if options.kind:
+        plans = [
+            Plan(number, options.seed, plan.arm, (options.kind,), options.size, plan.scatter)
+            for number, plan in enumerate(plans)
+        ]
+    judged: list[Judgement] = []
+    with ProcessPoolExecutor(options.processes) as pool:
+        for judgement in chain.from_iterable(pool.map(_judge_one, plans)):
+            judged.append(judgement)
+            mark = "✗" if judgement.wrong else " "
+            print(f"{mark} {judgement.sentence} [{judgement.seconds:.1f} s]", file=sys.stderr, flush=True)
+    figures = tally(judged)
+    _print(figures, judged)
+    if options.json:
+        options.json.write_text(json.dumps([asdict(f) for f in figures], indent=1, ensure_ascii=False) + "\n")
+    return 0
+
+
+def _judge_one(plan: Plan) -> list[Judgement]:
+    return list(run_campaign([plan], by_command))
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.campaign", description=__doc__)
+    parser.add_argument("--scenarios", type=int, default=200, help="how many (200)")
+    parser.add_argument("--seed", type=int, default=1, help="of every draw (1)")
+    parser.add_argument("--processes", type=int, default=2, help="at the same time (2)")
+    parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
+    parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
+    parser.add_argument("--json", type=Path, help="write the figures here too")
+    return parser.parse_args()
+
+
+def _print(figures: Sequence[CampaignFigure], judged: Sequence[Judgement]) -> None:
+    console = Console(width=130)
+    table = Table("figure", "value", "95 % interval", "cases", "goal", box=None)
+    for f in figures:
+        interval = "" if f.interval is None or not f.count else f"{f.interval[0]:.2f} to {f.interval[1]:.2f}"
+        goal = "" if f.goal is None else f"{'≤' if f.at_most else '≥'} {f.goal:g}"
+        reached = {True: " reached", False: " missed", None: ""}[f.reached]
+        table.add_row(f.name, f"{f.value:.3g}" if f.count else "–", interval, str(f.count), goal + reached)
+    console.print(table)
+    confusions = Table("what it was", "what it was named", "times", box=None)
+    for truth, name, count in mistaken(judged):
+        confusions.add_row(truth, name, str(count))
+    if confusions.row_count:
+        console.print(confusions)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,156 @@
+"""The opened answer beside the finder's. Pure functions on the truth and the finder's JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from benchmarks.campaign.cause import Named
+from benchmarks.campaign.scenario import TrueCause, Truth
+
+Outcome = Literal["named", "in a set", "missed"]
+
+
+@dataclass(frozen=True)
+class ParameterError:
+    """Of a parameter that a right finding gave: estimate − truth, its standard error, and the truth."""
+
+    name: str
+    error: float
+    standard_error: float
+    truth: float
+
+
+@dataclass(frozen=True)
+class AmbiguousSet:
+    """How many causes an ambiguous finding leaves, and whether a true one is among them."""
+
+    size: int
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One scenario, judged.
+
+    Attributes:
+        outcomes: of each cause that the catalogue has.
+        wrong: causes that were named and are not there.
+        outside_flagged: of a scenario with an outside cause, whether it was said that something has no name.
+        gain: share of the explainable that the finder's model explains of the held-out motion.
+        oracle_gain: the same of the model that was told the causes; None where nobody was asked.
+        sentence: truth and answer, for a reader.
+    """
+
+    truth: Truth
+    verdict: str
+    outcomes: tuple[Outcome, ...]
+    wrong: tuple[Named, ...]
+    sets: tuple[AmbiguousSet, ...]
+    outside_flagged: bool | None
+    parameters: tuple[ParameterError, ...]
+    gain: float | None
+    oracle_gain: float | None
+    seconds: float
+    sentence: str
+
+    @property
+    def clean(self) -> bool:
+        return not self.truth.causes
+
+    @property
+    def outside(self) -> bool:
+        return self.outside_flagged is not None
+
+    @property
+    def right(self) -> bool:
+        """Every cause named on its joint, and nothing else."""
+        return not self.wrong and all(outcome == "named" for outcome in self.outcomes)
+
+    @property
+    def size(self) -> float:
+        """Of the largest cause, in multiples of the noise."""
+        return max((cause.size for cause in self.truth.causes), default=0.0)
+
+
+def judge(
+    truth: Truth, answer: Mapping[str, Any], seconds: float, oracle: Mapping[str, Any] | None = None
+) -> Judgement:
+    """Hold the finder's ``answer`` (as `diagnose --json` gives it) against the truth.
+
+    ``oracle`` is the answer of the same finder when it is told the causes.
+    """
+    findings: Sequence[Mapping[str, Any]] = answer["findings"]
+    inside = [cause for cause in truth.causes if cause.answers]
+    outside = [cause for cause in truth.causes if not cause.answers]
+    rightful = frozenset().union(*(cause.answers for cause in inside))
+    excused = frozenset().union(*(cause.excused for cause in truth.causes))
+    named = [_named(finding) for finding in findings if finding["status"] == "named"]
+    sets = [
+        frozenset({_named(finding), *(_named(other) for other in finding["alternatives"])})
+        for finding in findings
+        if finding["status"] == "ambiguous"
+    ]
+    return Judgement(
+        truth=truth,
+        verdict=str(answer["verdict"]),
+        outcomes=tuple(_outcome(cause, named, sets) for cause in inside),
+        wrong=tuple(name for name in named if name not in rightful | excused),
+        sets=tuple(AmbiguousSet(len(one), bool(one & (rightful | excused))) for one in sets),
+        outside_flagged=bool(answer["verdict"] == "unknown" or answer["unexplained"]) if outside else None,
+        parameters=tuple(error for cause in inside for error in _parameter_errors(cause, findings)),
+        gain=_gain(answer),
+        oracle_gain=None if oracle is None else _gain(oracle),
+        seconds=seconds,
+        sentence=f"{_told_truth(truth)} → {_told_answer(answer)}",
+    )
+
+
+def _named(finding: Mapping[str, Any]) -> Named:
+    return str(finding["effect"]), finding["joint"]
+
+
+def _outcome(cause: TrueCause, named: Sequence[Named], sets: Sequence[frozenset[Named]]) -> Outcome:
+    if any(name in cause.answers for name in named):
+        return "named"
+    return "in a set" if any(one & cause.answers for one in sets) else "missed"
+
+
+def _parameter_errors(cause: TrueCause, findings: Sequence[Mapping[str, Any]]) -> list[ParameterError]:
+    errors = []
+    for finding in findings:
+        # Of several right answers only the effect that the parameters belong to can be compared.
+        if finding["status"] != "named" or _named(finding) not in cause.answers:
+            continue
+        if finding["effect"] != cause.label.partition(":")[0]:
+            continue
+        for name, truth in cause.parameters.items():
+            estimate = finding["parameters"].get(name)
+            if estimate is not None and estimate["standard_error"] is not None:
+                errors.append(ParameterError(name, estimate["value"] - truth, estimate["standard_error"], truth))
+    return errors
+
+
+def _gain(answer: Mapping[str, Any]) -> float | None:
+    held_out = answer["gain"]["held_out_torque"] if answer.get("gain") else None
+    return None if held_out is None else held_out["share_of_explainable"]
+
+
+def _told_truth(truth: Truth) -> str:
+    causes = ", ".join(f"{c.label} on {_where(c)} at {c.size:.2g}" for c in truth.causes) or "clean"
+    return f"{truth.number:4d} {truth.arm} ({truth.scatter:.0%} scatter): {causes}"
+
+
+def _where(cause: TrueCause) -> str:
+    return "/".join(sorted({str(joint) for _, joint in cause.answers | cause.excused if joint})) or "the arm"
+
+
+def _told_answer(answer: Mapping[str, Any]) -> str:
+    told = []
+    for finding in answer["findings"]:
+        effect, joint = _named(finding)
+        others = "".join(f" or {o['effect']} on {o['joint']}" for o in finding["alternatives"])
+        told.append(f"{effect} on {joint}" + (others if finding["status"] == "ambiguous" else ""))
+    unexplained = "".join(f"; unexplained on {joint}" for joint in answer["unexplained"])
+    return f"{answer['verdict']}: {', '.join(told) or 'nothing named'}{unexplained}"

@@ -1,0 +1,239 @@
+"""Scenarios: which arm, which causes, how large. Drawn from a seed, staged on the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from benchmarks.campaign.arms import ARMS, TrueArm, hidden_bodies, scattered, true_arm, without_moment, write_urdf
+from benchmarks.campaign.body_causes import BODIES
+from benchmarks.campaign.cause import Cause, Draw, Named, Tables, merged
+from benchmarks.campaign.friction_causes import FRICTION
+from benchmarks.campaign.motions import RATE_HZ, draw_playlist
+from benchmarks.campaign.outside_causes import OUTSIDE
+from benchmarks.campaign.playing import Run, as_recorded, play
+from benchmarks.campaign.sensor_causes import SENSORS
+from benchmarks.campaign.sizing import Scale, amplitude_for, noise_rms
+from benchmarks.campaign.transmission_causes import TRANSMISSION
+from config import Installation
+from virtual_hw.hidden import HiddenMechanics
+from virtual_hw.hidden.noise import SILENT
+
+CATALOGUE: dict[str, Draw] = {**FRICTION, **TRANSMISSION, **SENSORS, **BODIES}
+ALL = {**CATALOGUE, **OUTSIDE}
+SCATTER = (0.0, 0.02, 0.05)
+CURRENT_LOOP_HZ = 5000.0
+"""Quick beside the plant's tick: a clean arm has no delay that a finder could rightly name."""
+TRIES = 12
+"""Joints and forms that are tried before a cause is given up on an arm."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a scenario is to be. ``kinds`` are keys of `ALL`, ``size`` of each in multiples of the noise."""
+
+    number: int
+    seed: int
+    arm: str
+    kinds: tuple[str, ...] = ()
+    size: float = 0.0
+    scatter: float = 0.05
+    seconds: float = 60.0
+
+
+@dataclass(frozen=True)
+class TrueCause:
+    """A cause as it was put in: what the envelope holds of it."""
+
+    label: str
+    answers: frozenset[Named]
+    excused: frozenset[Named]
+    amplitude: float
+    size: float
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The answer to a scenario."""
+
+    number: int
+    arm: str
+    scatter: float
+    causes: tuple[TrueCause, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """For the envelope."""
+        whole = asdict(self)
+        for cause in whole["causes"]:
+            for key in ("answers", "excused"):
+                cause[key] = sorted(([e, j] for e, j in cause[key]), key=str)
+        return whole
+
+    @staticmethod
+    def from_json(whole: dict[str, Any]) -> Truth:
+        """The same again."""
+        causes = tuple(
+            TrueCause(
+                **{
+                    **cause,
+                    "answers": frozenset((e, j) for e, j in cause["answers"]),
+                    "excused": frozenset((e, j) for e, j in cause["excused"]),
+                }
+            )
+            for cause in whole["causes"]
+        )
+        return Truth(**{**whole, "causes": causes})
+
+
+@dataclass(frozen=True)
+class Staged:
+    """A scenario played: what the finder will see, and what it must not."""
+
+    truth: Truth
+    urdf: Path
+    runs: tuple[Run, ...]
+
+
+def draw_plans(count: int, seed: int, sizes: Sequence[float] = (0.2, 0.4, 0.8, 1.0, 2.0)) -> list[Plan]:
+    """``count`` scenarios: of ten, two clean, five with one cause, one with two or three, two with an outside cause.
+
+    Kinds, sizes and arms take turns, so that each has its share whatever the count.
+    """
+    rng = np.random.default_rng([seed, 0])
+    catalogue = _turns(tuple(CATALOGUE), rng)
+    outside, arms = _turns(tuple(OUTSIDE), rng), _turns(ARMS, rng)
+    turns = {"size": 0}
+
+    def next_size(choices: Sequence[float]) -> float:
+        turns["size"] += 1
+        return choices[turns["size"] % len(choices)]
+
+    plans = []
+    for number in range(count):
+        plan = Plan(number, seed, next(arms), scatter=SCATTER[int(rng.integers(len(SCATTER)))])
+        place = number % 10
+        if place in (0, 5):
+            pass
+        elif place == 9:
+            several = tuple(next(catalogue) for _ in range(int(rng.integers(2, 4))))
+            plan = replace(plan, kinds=several, size=next_size((1.0, 2.0)))
+        elif place in (4, 8):
+            plan = replace(plan, kinds=(next(outside),), size=next_size((0.8, 1.5)))
+        else:
+            plan = replace(plan, kinds=(next(catalogue),), size=next_size(sizes))
+        plans.append(plan)
+    return plans
+
+
+def _turns(names: tuple[str, ...], rng: Generator) -> Any:
+    while True:
+        yield from (names[k] for k in rng.permutation(len(names)))
+
+
+def stage(plan: Plan, folder: Path) -> Staged:
+    """Play the scenario; the URDF for the finder is written into ``folder``.
+
+    A kind that the arm cannot have at the wanted size gives way to the next of `ALL`.
+    """
+    rng = np.random.default_rng([plan.seed, plan.number, 1])
+    arm = true_arm(plan.arm)
+    urdf = folder / "arm.urdf"
+    write_urdf(arm, scattered(arm.bodies, plan.scatter, rng), urdf)
+    installation = _with_urdf(arm.installation, urdf)
+    playlist = draw_playlist(installation, rng, plan.seconds)
+    noise = _noise_tables(arm, float(np.exp(0.3 * rng.standard_normal())))
+    scale = Scale(installation, playlist, mechanics(arm, [], []), _torque_noise(noise, arm, plan))
+    causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
+    hidden = mechanics(arm, causes, [*(c.tables(a) for c, a in zip(causes, amplitudes, strict=True)), noise])
+    every = int(RATE_HZ / (500.0 if plan.arm == "dda" else 250.0))
+    jitter = float(rng.choice([0.0, 2e-5, 1e-4]))
+    runs = tuple(
+        as_recorded(run, installation, rng, every, jitter)
+        for run in play(installation, hidden, playlist, int(rng.integers(2**31)))
+    )
+    return Staged(Truth(plan.number, plan.arm, plan.scatter, true_causes), urdf, runs)
+
+
+def _causes(
+    plan: Plan, arm: TrueArm, scale: Scale, rng: Generator
+) -> tuple[list[Cause], list[float], tuple[TrueCause, ...]]:
+    causes: list[Cause] = []
+    amplitudes: list[float] = []
+    true_causes: list[TrueCause] = []
+    free = list(arm.joints)
+    for kind in plan.kinds:
+        cause, joint, amplitude, size = _fitted(kind, plan, arm, free, scale, rng)
+        # Two causes on one joint would share a table of the mechanics.
+        free.remove(joint)
+        causes.append(cause)
+        amplitudes.append(amplitude)
+        true_causes.append(
+            TrueCause(cause.label, cause.answers, cause.excused, amplitude, size, dict(cause.truth(amplitude)))
+        )
+    return causes, amplitudes, tuple(true_causes)
+
+
+def _fitted(
+    kind: str, plan: Plan, arm: TrueArm, free: list[str], scale: Scale, rng: Generator
+) -> tuple[Cause, str, float, float]:
+    kinds = list(OUTSIDE if kind in OUTSIDE else CATALOGUE)
+    first = kinds.index(kind)
+    for name in kinds[first:] + kinds[:first]:
+        for joint in rng.permutation(free)[:TRIES].tolist():
+            cause = ALL[name](arm, joint, rng)
+            if cause is None:
+                continue
+            found = amplitude_for(cause, plan.size, partial(_size_at, arm, scale, cause))
+            if found is not None:
+                return cause, joint, *found
+    raise RuntimeError(f"scenario {plan.number}: no cause reaches {plan.size} times the noise on {plan.arm}")
+
+
+def _size_at(arm: TrueArm, scale: Scale, cause: Cause, amplitude: float) -> float:
+    return scale.size(mechanics(arm, [cause], [cause.tables(amplitude)]))
+
+
+def mechanics(arm: TrueArm, causes: Sequence[Cause], tables: Sequence[Tables]) -> HiddenMechanics:
+    """The arm with these causes and tables; without any it is the clean arm, silent."""
+    bodies = dict(arm.bodies)
+    for cause in causes:
+        for joint, inertia in cause.taken_from_link.items():
+            link = arm.link_of(joint)
+            bodies[link] = without_moment(bodies[link], np.array([0.0, 0.0, 1.0]), inertia)
+    motors = [{"joint": joint, "bandwidth_hz": CURRENT_LOOP_HZ} for joint in arm.joints]
+    return HiddenMechanics.model_validate(merged([{"link": hidden_bodies(bodies), "motor": motors}, *tables]))
+
+
+def _noise_tables(arm: TrueArm, factor: float) -> Tables:
+    """The clean arm's sensor noise, ``factor`` times as large."""
+    tables: Tables = {}
+    for table in ("angle_sensor", "velocity_sensor", "torque_sensor"):
+        tables[table] = [
+            {
+                "joint": sensor.joint,
+                "noise": {
+                    "white": factor * sensor.noise.white,
+                    "coloured": factor * sensor.noise.coloured,
+                    "corner_hz": sensor.noise.corner_hz,
+                },
+            }
+            for sensor in getattr(arm.noise, table)
+        ]
+    return tables
+
+
+def _torque_noise(noise: Tables, arm: TrueArm, plan: Plan) -> Any:
+    sensors = HiddenMechanics.model_validate(noise).torque_sensor
+    by_joint = {sensor.joint: sensor.noise for sensor in sensors}
+    return noise_rms([by_joint.get(joint, SILENT) for joint in arm.joints], plan.seed)
+
+
+def _with_urdf(installation: Installation, urdf: Path) -> Installation:
+    return installation.model_copy(update={"arm": installation.arm.model_copy(update={"urdf": urdf.absolute()})})

@@ -1,0 +1,111 @@
+"""How large an effect is beside the noise, both seen in the same band.
+
+Size = max over joints of rms(torque that the true rigid bodies do not explain) / rms(torque noise), of the motions that
+are learnt from, played without noise and with the effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from benchmarks.campaign.cause import Cause
+from benchmarks.campaign.motions import RATE_HZ, Playlist
+from benchmarks.campaign.playing import Run, play
+from config import Installation
+from virtual_hw.hidden import HiddenMechanics
+from virtual_hw.hidden.noise import Noise, noise_rows
+from virtual_hw.plant.multibody import build_multibody
+
+Array = NDArray[np.float64]
+BAND_HZ = 15.0
+EVERY = 10
+"""Samples of the plant for one of the residual, which is band limited."""
+EDGE_S = 0.2
+FINE = 1e4
+NOISE_S = 30
+FAR = 2.5
+"""Times the wanted size by which a first guess may miss before it is tried again."""
+
+
+def in_band(x: Array) -> Array:
+    """Zero-phase low-pass of samples × channels at the plant's rate."""
+    return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=RATE_HZ, output="sos"), x, axis=0))
+
+
+def noise_rms(noise: Sequence[Noise], seed: int) -> Array:
+    """RMS of each torque channel's noise in the band, N·m."""
+    rows = list(islice(noise_rows(noise, 1.0 / RATE_HZ, seed, 0), int(NOISE_S * RATE_HZ)))
+    return np.asarray(np.sqrt(np.mean(in_band(np.array(rows)) ** 2, axis=0)))
+
+
+def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMechanics) -> Array:
+    """RMS by joint of the torque that the bodies of ``clean`` do not explain, N·m in the band."""
+    body = build_multibody(installation, clean)
+    dof = list(body.dof)
+    squares, count = np.zeros(len(dof)), 0
+    for run in runs:
+        q, tau = in_band(run.q), in_band(run.tau)
+        dq = np.gradient(q, 1.0 / RATE_HZ, axis=0)
+        ddq = np.gradient(dq, 1.0 / RATE_HZ, axis=0)
+        edge = int(EDGE_S * RATE_HZ)
+        for k in range(edge, len(q) - edge, EVERY):
+            body.data.qpos[dof], body.data.qvel[dof], body.data.qacc[dof] = q[k], dq[k], ddq[k]
+            mujoco.mj_inverse(body.model, body.data)
+            squares += (tau[k] - body.data.qfrc_inverse[dof]) ** 2
+            count += 1
+    return np.sqrt(squares / count)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes effects on one arm and playlist; ``clean`` is the arm without any, ``noise`` the RMS by joint."""
+
+    installation: Installation
+    playlist: Playlist
+    clean: HiddenMechanics
+    noise: Array
+
+    def size(self, hidden: HiddenMechanics) -> float:
+        """Of everything by which ``hidden`` differs from the clean arm."""
+        once = tuple(dict.fromkeys(name for name in self.playlist.order if not name.startswith("held-out")))
+        runs = play(finely_counted(self.installation), hidden, replace(self.playlist, order=once), seed=0)
+        return float(np.max(unexplained(runs, self.installation, self.clean) / self.noise))
+
+
+def finely_counted(installation: Installation) -> Installation:
+    """The same arm with encoders so fine that differentiating them twice brings no noise."""
+    joints = tuple(
+        j.model_copy(
+            update={"encoder": j.encoder.model_copy(update={"counts_per_turn": FINE * j.encoder.counts_per_turn})}
+        )
+        for j in installation.joint
+    )
+    return installation.model_copy(update={"joint": joints})
+
+
+SizeAt = Callable[[float], float]
+"""Size of a cause at an amplitude."""
+
+
+def amplitude_for(cause: Cause, wanted: float, size_at: SizeAt) -> tuple[float, float] | None:
+    """Amplitude and size where the cause is ``wanted`` times the noise; None where its limit leaves it far smaller."""
+    amplitude = cause.start
+    size = size_at(amplitude)
+    for _ in range(2):
+        if size <= 0.0 or not np.isfinite(size):
+            return None
+        nearer = min(amplitude * wanted / size, cause.limit)
+        step = nearer / amplitude
+        if 1.0 / FAR < step < FAR:
+            size *= step
+            amplitude = nearer
+            break
+        amplitude, size = nearer, size_at(nearer)
+    return (amplitude, size) if size > 0.6 * wanted else None

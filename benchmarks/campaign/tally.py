@@ -1,0 +1,111 @@
+"""The campaign's figures over many judged scenarios, each with its interval and its goal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from benchmarks.campaign.judging import Judgement
+
+Z = 1.96
+SIZES = ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.5), (1.5, np.inf))
+"""Ranges of effect / noise that are tallied apart."""
+
+
+@dataclass(frozen=True)
+class CampaignFigure:
+    """``value`` of ``count`` cases; a share has a 95 % interval. ``goal`` bounds it from below, or is ``at_most``."""
+
+    name: str
+    value: float
+    count: int
+    interval: tuple[float, float] | None = None
+    goal: float | None = None
+    at_most: bool = False
+
+    @property
+    def reached(self) -> bool | None:
+        """None without a goal or without cases."""
+        if self.goal is None or not self.count:
+            return None
+        return self.value <= self.goal if self.at_most else self.value >= self.goal
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """95 % score interval of a share (Wilson 1927)."""
+    if count == 0:
+        return 0.0, 1.0
+    share, z2 = hits / count, Z * Z
+    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
+    half = Z * sqrt(share * (1 - share) / count + z2 / (4 * count**2)) / (1 + z2 / count)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
+    """Every figure of the campaign."""
+    clean = [j for j in judged if j.clean]
+    single = [j for j in judged if len(j.truth.causes) == 1 and not j.outside]
+    several = [j for j in judged if len(j.truth.causes) > 1]
+    outside = [j for j in judged if j.outside]
+    sets = [one for j in judged for one in j.sets]
+    parameters = [p for j in judged for p in j.parameters]
+    figures = [_share("false alarms on clean arms, family-wise", clean, lambda j: j.verdict != "clean", 0.05, True)]
+    for low, high in SIZES:
+        within = [j for j in single if low <= j.size < high]
+        name = f"effect and joint right, effect/noise {low:g} to {high:g}"
+        goal = 0.9 if low >= 0.9 else 0.75 if low >= 0.3 else None
+        figures.append(_share(name, within, lambda j: j.right, goal))
+        figures.append(
+            _share(name.replace("right", "right or in the set named"), within, lambda j: "missed" not in j.outcomes)
+        )
+    outcomes = [outcome for j in several for outcome in j.outcomes]
+    figures += [
+        _share("each of several causes named", outcomes, lambda outcome: outcome == "named"),
+        _share("confidently wrong", judged, lambda j: bool(j.wrong) and not j.outside_flagged, 0.02, True),
+        _share("ambiguous sets that hold a true cause", sets, lambda one: one.holds, 0.95),
+        _median("size of ambiguous sets, median", [one.size for one in sets], 2.0),
+        _share("outside effects flagged unknown", outside, lambda j: bool(j.outside_flagged), 0.9),
+        _share("parameters within 1.96 standard errors", parameters, lambda p: abs(p.error) <= Z * p.standard_error),
+        _median("relative error of parameters, median", [abs(p.error / p.truth) for p in parameters if p.truth]),
+        _gain(judged),
+        _median("seconds a diagnosis, median", [j.seconds for j in judged]),
+    ]
+    return figures
+
+
+def _share(
+    name: str, cases: Sequence[object], hit: Callable[..., bool], goal: float | None = None, at_most: bool = False
+) -> CampaignFigure:
+    hits = sum(1 for case in cases if hit(case))
+    value = hits / len(cases) if cases else float("nan")
+    return CampaignFigure(name, value, len(cases), wilson(hits, len(cases)), goal, at_most)
+
+
+def _median(name: str, values: Sequence[float], goal: float | None = None) -> CampaignFigure:
+    value = float(np.median(values)) if values else float("nan")
+    return CampaignFigure(name, value, len(values), None, goal, at_most=True)
+
+
+def _gain(judged: Iterable[Judgement]) -> CampaignFigure:
+    """What was gained of what was to be gained, over the scenarios where the oracle gained anything worth having."""
+    shares = [
+        j.gain / j.oracle_gain
+        for j in judged
+        if j.gain is not None and j.oracle_gain is not None and j.oracle_gain > 0.05 and not j.outside
+    ]
+    value = float(np.mean(shares)) if shares else float("nan")
+    return CampaignFigure("held-out gain, share of the oracle's, mean", value, len(shares), None, 0.9)
+
+
+def mistaken(judged: Iterable[Judgement]) -> list[tuple[str, str, int]]:
+    """What was named for what it was not: (truth, wrong name, how often), the most frequent first."""
+    seen = Counter(
+        (" + ".join(sorted(cause.label for cause in j.truth.causes)) or "clean", wrong[0])
+        for j in judged
+        for wrong in j.wrong
+    )
+    return [(truth, name, count) for (truth, name), count in seen.most_common()]

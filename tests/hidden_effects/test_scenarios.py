@@ -1,0 +1,155 @@
+"""Scenarios are what they say, and what the finder is given does not tell the answer."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.campaign.arms import ARMS, true_arm
+from benchmarks.campaign.cause import merged
+from benchmarks.campaign.motions import draw_playlist
+from benchmarks.campaign.playing import play
+from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
+from benchmarks.campaign.sealing import Envelope, Question, seal
+from benchmarks.campaign.sizing import finely_counted, noise_rms, unexplained
+from config.motion import check_motion
+from driver.recording import read_recording
+from virtual_hw.hidden import HiddenMechanics
+from virtual_hw.plant.urdf import read_urdf
+
+SHORT = Plan(7, 3, "dda", ("coulomb_friction",), size=1.0, scatter=0.05, seconds=12.0)
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory: pytest.TempPathFactory) -> Staged:
+    return stage(SHORT, tmp_path_factory.mktemp("staged"))
+
+
+@pytest.fixture(scope="module")
+def sealed(staged: Staged) -> tuple[Question, Envelope]:
+    return seal(staged, true_arm("dda").joints, True, staged.urdf.parent)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_every_cause_is_one_that_the_stand_in_knows(arm: str) -> None:
+    the_arm, rng = true_arm(arm), np.random.default_rng(1)
+    drawn = [draw(the_arm, joint, rng) for draw in ALL.values() for joint in the_arm.joints]
+    causes = [cause for cause in drawn if cause is not None]
+    assert {cause.label.partition(":")[0] for cause in causes} >= {name.partition(":")[0] for name in CATALOGUE}
+    assert {cause.label for cause in causes if cause.outside} == set(OUTSIDE)
+    for cause in causes:
+        for amplitude in (cause.start, cause.limit):
+            mechanics(the_arm, [cause], [cause.tables(amplitude)])
+
+
+def test_right_answers_are_names_of_the_catalogue() -> None:
+    from estimator.effects import catalogue
+
+    the_arm, rng = true_arm("seven"), np.random.default_rng(1)
+    causes = [draw(the_arm, joint, rng) for draw in CATALOGUE.values() for joint in the_arm.joints]
+    named = {effect for cause in causes if cause is not None for effect, _ in cause.answers}
+    assert named <= set(catalogue())
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_motions_keep_the_arms_limits_and_meet_at_home(arm: str) -> None:
+    installation = true_arm(arm).installation
+    playlist = draw_playlist(installation, np.random.default_rng(2), 60.0)
+    for motion in playlist.motions.values():
+        check_motion(motion, installation)
+        np.testing.assert_allclose(motion.q[[0, -1]], [installation.arm.home_rad] * 2, atol=1e-6)
+    assert all(playlist.order.count(name) == 2 for name in playlist.motions)
+
+
+def test_a_clean_arm_is_explained_by_its_bodies_far_below_the_noise() -> None:
+    arm = true_arm("dda")
+    playlist = draw_playlist(arm.installation, np.random.default_rng(4), 12.0)
+    clean = mechanics(arm, [], [])
+    runs = play(finely_counted(arm.installation), clean, replace(playlist, order=("a",)), seed=0)
+    noise = noise_rms([sensor.noise for sensor in arm.noise.torque_sensor], seed=0)
+    assert np.all(unexplained(runs, arm.installation, clean) < 0.3 * noise)
+
+
+def test_the_effect_has_the_wanted_size(staged: Staged) -> None:
+    (cause,) = staged.truth.causes
+    assert cause.size == pytest.approx(SHORT.size, rel=0.02)
+    assert cause.parameters == {"level": cause.amplitude}
+
+
+def test_the_same_plan_gives_the_same_recordings_and_another_number_others(staged: Staged, tmp_path: Path) -> None:
+    again = stage(SHORT, tmp_path)
+    assert again.truth == staged.truth
+    for run, before in zip(again.runs, staged.runs, strict=True):
+        np.testing.assert_array_equal(run.tau, before.tau)
+    (tmp_path / "other").mkdir()
+    other = stage(replace(SHORT, number=8), tmp_path / "other")
+    assert other.truth.causes[0].amplitude != staged.truth.causes[0].amplitude
+
+
+def test_the_urdf_that_is_handed_over_misses_the_true_bodies_by_no_more_than_the_scatter(staged: Staged) -> None:
+    given, truth = read_urdf(staged.urdf).bodies, true_arm("dda").bodies
+    misses = [given[link].mass / body.mass - 1.0 for link, body in truth.items() if body.mass > 0.0]
+    assert 0.0 < max(map(abs, misses)) <= SHORT.scatter
+
+
+def test_torques_come_in_the_drives_own_grain_and_stamps_jitter(staged: Staged) -> None:
+    rated = np.array([j.rated_torque_nm for j in true_arm("dda").installation.joint])
+    grains = staged.runs[0].tau / rated * 1000.0
+    np.testing.assert_allclose(grains, np.round(grains), atol=1e-6)
+    assert all(np.all(np.diff(run.t) > 0.0) for run in staged.runs)
+
+
+def test_the_finder_reads_what_was_recorded_and_nothing_of_the_answer(
+    staged: Staged, sealed: tuple[Question, Envelope]
+) -> None:
+    question, envelope = sealed
+    assert (len(question.learnt), len(question.held_out)) == (6, 2)
+    recording = read_recording(question.learnt[0])
+    np.testing.assert_allclose(recording.tau, staged.runs[0].tau, rtol=1e-8)
+    assert not envelope.path.is_relative_to(question.learnt[0].parent)
+    told = "".join(path.name + path.read_text() for path in (*question.learnt, *question.held_out, question.urdf))
+    assert not any(label.partition(":")[0] in told for label in ALL)
+
+
+def test_an_envelope_gives_back_what_was_put_in(staged: Staged, sealed: tuple[Question, Envelope]) -> None:
+    assert sealed[1].open() == staged.truth
+
+
+def test_an_envelope_that_was_changed_is_not_believed(staged: Staged, tmp_path: Path) -> None:
+    envelope = Envelope.close(staged.truth, tmp_path / "truth.json")
+    answer = json.loads(envelope.path.read_text())
+    answer["causes"][0]["amplitude"] *= 2
+    envelope.path.write_text(json.dumps(answer))
+    with pytest.raises(ValueError, match="changed after it was closed"):
+        envelope.open()
+
+
+def test_plans_give_each_kind_its_turn() -> None:
+    plans = draw_plans(200, seed=1)
+    kinds = [kind for plan in plans for kind in plan.kinds]
+    assert sum(not plan.kinds for plan in plans) == 40
+    assert {plan.arm for plan in plans} == set(ARMS)
+    assert set(kinds) == set(ALL)
+    assert {plan.size for plan in plans if len(plan.kinds) == 1} == {0.2, 0.4, 0.8, 1.0, 2.0, 1.5}
+    assert draw_plans(200, seed=1) == plans
+
+
+def test_tables_of_one_joint_are_put_together() -> None:
+    parts = [
+        {"torque_sensor": [{"joint": "a", "noise": {"white": 1.0}}], "cogging": [{"joint": "a", "order": 1}]},
+        {"torque_sensor": [{"joint": "a", "offset_nm": 2.0}], "cogging": [{"joint": "a", "order": 2}]},
+    ]
+    whole = merged(parts)
+    assert whole["torque_sensor"] == [{"joint": "a", "noise": {"white": 1.0}, "offset_nm": 2.0}]
+    assert [entry["order"] for entry in whole["cogging"]] == [1, 2]
+    assert parts[0]["torque_sensor"] == [{"joint": "a", "noise": {"white": 1.0}}]
+
+
+def test_hidden_mechanics_of_a_clean_arm_differ_by_bodies_alone() -> None:
+    clean = mechanics(true_arm("puma600"), [], [])
+    assert clean.friction == HiddenMechanics().friction
+    assert len(clean.link) == 6
