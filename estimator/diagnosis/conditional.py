@@ -1,0 +1,137 @@
+"""What each candidate would add to a model that already has some unknowns: Schur complements of the Gram matrices."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from estimator.diagnosis.bounded import bounded_fits
+from estimator.diagnosis.design import Design
+from estimator.diagnosis.grams import Block
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_RIDGE = 1e-12
+"""On the normalised diagonal: an unknown that two columns share is shared between them."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Candidates with the same number of coefficients, treated at once."""
+
+    candidates: Indices
+    columns: Indices
+    """(k, c)"""
+    lower: Array
+    upper: Array
+
+
+def groups_of(design: Design, candidates: Indices | None = None) -> list[Group]:
+    """All candidates, or some, by their number of coefficients."""
+    by_count: dict[int, list[int]] = defaultdict(list)
+    for k in range(len(design.candidates)) if candidates is None else candidates:
+        by_count[len(design.candidates[k].columns)].append(int(k))
+    result = []
+    for members in by_count.values():
+        chosen = [design.candidates[k] for k in members]
+        result.append(
+            Group(
+                np.array(members),
+                np.array([c.columns for c in chosen]),
+                np.array([c.lower for c in chosen]),
+                np.array([c.upper for c in chosen]),
+            )
+        )
+    return result
+
+
+class Conditional:
+    """The model with the ``active`` unknowns fitted to one block (or sum) with a weight for each channel.
+
+    The prior of the base parameters counts in full whatever the block.
+    """
+
+    def __init__(self, design: Design, block: Block, weights: Array, active: Indices) -> None:
+        self.design, self.block, self.weights, self.active = design, block, weights, active
+        size, rank = design.size, design.base.rank
+        self.cross, self.right = np.zeros((len(active), size)), np.zeros(size)
+        for channel, gram in enumerate(block.grams):
+            members, place = design.members[channel], design.position[channel][active]
+            enters = np.flatnonzero(place >= 0)
+            self.cross[np.ix_(enters, members)] += weights[channel] * gram[place[enters], :-1]
+            self.right[members] += weights[channel] * gram[:-1, -1]
+        matrix = self.cross[:, active]
+        matrix[:rank, :rank] += design.precision
+        scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+        normal = matrix / np.outer(scale, scale) + _RIDGE * np.eye(len(active))
+        factor = cho_factor(normal)
+
+        def solve(right: Array) -> Array:
+            return np.asarray((cho_solve(factor, (right.T / scale).T).T / scale).T)
+
+        self.solve = solve
+        self.value: Array = solve(self.right[active])
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(active, active) of the active unknowns."""
+        return self.solve(np.eye(len(self.active)))
+
+    @cached_property
+    def projected(self) -> Array:
+        """(active, size): every column in terms of the active ones."""
+        return self.solve(self.cross)
+
+    @cached_property
+    def score(self) -> Array:
+        """(size,) products of every column with the residual."""
+        return np.asarray(self.right - self.cross.T @ self.value)
+
+    def squares(self) -> Array:
+        """(channels,) squared residual, not weighted."""
+        return self.squares_with(self.active, self.value)
+
+    def squares_with(self, unknowns: Indices, value: Array, block: Block | None = None) -> Array:
+        """(channels,) squared residual at given values of some unknowns, the others zero; on another block if given."""
+        result = np.empty(len(self.design.channels))
+        for channel, gram in enumerate((block or self.block).grams):
+            place = self.design.position[channel][unknowns]
+            enters = place >= 0
+            direction = np.append(-value[enters], 1.0)
+            chosen = np.append(place[enters], len(gram) - 1)
+            result[channel] = direction @ gram[np.ix_(chosen, chosen)] @ direction
+        return result
+
+    def remaining(self, group: Group) -> tuple[Array, Array]:
+        """(k, c, c) products of each candidate's columns after the active ones, and (k, c) energies before."""
+        k, c = group.columns.shape
+        matrix = np.zeros((k, c, c))
+        for channel, gram in enumerate(self.block.grams):
+            place = self.design.position[channel][group.columns]
+            enters = place[:, 0] >= 0
+            inside = place[enters]
+            matrix[enters] += self.weights[channel] * gram[inside[:, :, None], inside[:, None, :]]
+        energy = np.einsum("kcc->kc", matrix).copy()
+        columns = group.columns.ravel()
+        cross = self.cross[:, columns].reshape(-1, k, c)
+        projected = self.projected[:, columns].reshape(-1, k, c)
+        matrix -= np.einsum("akc,akd->kcd", cross, projected)
+        return matrix, energy
+
+    def gains(self, groups: list[Group]) -> tuple[Array, list[Array]]:
+        """(candidates,) log-likelihood gained by each candidate of the groups (others −inf), and per group the
+        coefficients (k, c)."""
+        result = np.full(len(self.design.candidates), -np.inf)
+        coefficients = []
+        for group in groups:
+            matrix, energy = self.remaining(group)
+            x, gain = bounded_fits(matrix, self.score[group.columns][:, :, None], energy, group.lower, group.upper)
+            result[group.candidates] = gain[:, 0]
+            coefficients.append(x[:, :, 0])
+        return result, coefficients

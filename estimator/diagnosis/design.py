@@ -1,0 +1,160 @@
+"""All hypotheses about one arm as columns of one linear model, and the recordings' rows of those columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.base_parameters import BaseParameters
+from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.stretches import Channel, Stretch
+from estimator.effects import Effect, Place, Scales, Signals
+from estimator.filtering import Decimator
+from estimator.regressor import torque_regressor
+from estimator.rigid_body import RigidBody
+from estimator.rows import make_layout
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One effect at one place."""
+
+    effect: Effect
+    place: Place
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis with its non-linear parameters fixed."""
+
+    hypothesis: int
+    theta: Array
+    columns: Indices
+    """Its coefficients among all unknowns of the design."""
+    channels: tuple[int, ...]
+    """The channels it enters, in the order of the effect's rows."""
+    lower: Array
+    upper: Array
+    """Limits of its coefficients."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """Unknowns: deviations of the base parameters from the given model's, then every candidate's coefficients."""
+
+    body: RigidBody
+    base: BaseParameters
+    channels: tuple[Channel, ...]
+    hypotheses: tuple[Hypothesis, ...]
+    candidates: tuple[Candidate, ...]
+    precision: Array
+    """(rank, rank) inverse covariance of the base parameters' deviations: the given model's tolerance."""
+    reached: tuple[Indices, ...]
+    """For each channel the base parameters that enter it."""
+
+    @cached_property
+    def size(self) -> int:
+        return self.base.rank + sum(len(candidate.columns) for candidate in self.candidates)
+
+    @cached_property
+    def members(self) -> tuple[Indices, ...]:
+        """For each channel the unknowns that enter it, ascending."""
+        own: list[list[Indices]] = [[base] for base in self.reached]
+        for candidate in self.candidates:
+            for channel in candidate.channels:
+                own[channel].append(candidate.columns)
+        return tuple(np.concatenate(parts) for parts in own)
+
+    @cached_property
+    def position(self) -> NDArray[np.intp]:
+        """(channels, size) where an unknown stands among a channel's members; −1: it does not enter."""
+        result = np.full((len(self.channels), self.size), -1, dtype=np.intp)
+        for channel, members in enumerate(self.members):
+            result[channel, members] = np.arange(len(members))
+        return result
+
+    def with_candidates(self, candidates: Sequence[Candidate]) -> Design:
+        """The same arm with other candidates, their columns numbered anew."""
+        place, renumbered = self.base.rank, []
+        for c in candidates:
+            columns = np.arange(place, place + len(c.columns))
+            renumbered.append(Candidate(c.hypothesis, c.theta, columns, c.channels, c.lower, c.upper))
+            place += len(columns)
+        return Design(
+            self.body, self.base, self.channels, self.hypotheses, tuple(renumbered), self.precision, self.reached
+        )
+
+
+def make_design(
+    body: RigidBody,
+    base: BaseParameters,
+    channels: tuple[Channel, ...],
+    hypotheses: Sequence[Hypothesis],
+    scales: Scales,
+    precision: Array,
+) -> Design:
+    """Lays out all hypotheses that enter a recorded channel, each on its grid of non-linear parameters."""
+    active = make_layout(body, base, [()] * body.n).active
+    nothing = np.zeros(0, dtype=np.intp)
+    reached = tuple(
+        np.array(active[channel.index], dtype=np.intp) if channel.equation == "torque" else nothing
+        for channel in channels
+    )
+    where = {channel: k for k, channel in enumerate(channels)}
+    empty = Design(body, base, channels, tuple(hypotheses), (), precision, reached)
+    candidates: list[Candidate] = []
+    for number, hypothesis in enumerate(hypotheses):
+        effect, place = hypothesis.effect, hypothesis.place
+        enters = [Channel(effect.equation, row) for row in effect.rows(body, place)]
+        if not all(channel in where for channel in enters):
+            continue
+        limits = effect.limits(place, scales)
+        for theta in effect.grid(place, scales):
+            count = _coefficients(body, effect, place, theta) if limits is None else len(limits[0])
+            lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
+            columns = np.arange(count)
+            candidates.append(Candidate(number, theta, columns, tuple(where[c] for c in enters), lower, upper))
+    return empty.with_candidates(candidates)
+
+
+def _coefficients(body: RigidBody, effect: Effect, place: Place, theta: Array) -> int:
+    """How many coefficients an effect has, asked on a moment of any motion."""
+    t = np.arange(8) / 100.0
+    q = np.sin(t)[:, None] * np.ones(body.n)
+    moment = Signals.of_motion(body, t, q, np.gradient(q, t, axis=0), -q)
+    return int(effect.columns(place, moment, theta).shape[2])
+
+
+def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise) -> list[Array]:
+    """For each channel (members + 1, rows): its whitened columns, the residual of the given model last."""
+    columns = _columns(design, stretch.signals)
+    decimate = Decimator(decimation)
+    result = []
+    for channel, parts in enumerate(columns):
+        stacked = np.concatenate([*parts, stretch.residual[:, channel][None]])
+        result.append(noise.whiten(channel, decimate(stacked)))
+    return result
+
+
+def _columns(design: Design, signals: Signals) -> list[list[Array]]:
+    kept, sign = np.array(design.base.kept), design.base.sign
+    regressor = torque_regressor(signals.body, signals.q, signals.dq, signals.ddq)
+    parts: list[list[Array]] = []
+    for channel, reached in zip(design.channels, design.reached, strict=True):
+        if channel.equation == "torque":
+            parts.append([(regressor[:, channel.index, kept[reached]] * sign[reached]).T])
+        else:
+            parts.append([np.zeros((0, signals.samples))])
+    for candidate in design.candidates:
+        hypothesis = design.hypotheses[candidate.hypothesis]
+        values = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)
+        for row, channel_index in enumerate(candidate.channels):
+            parts[channel_index].append(values[:, row].T)
+    return parts

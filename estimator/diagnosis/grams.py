@@ -1,0 +1,56 @@
+"""One pass over the data: Gram matrices of all columns, block by block of neighbouring rows.
+
+Every test, every score on data left out, every step of the selection is then small algebra on these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.design import Design, stretch_rows
+from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+_BLOCKS = 12
+"""Blocks that the rows are cut into, at least one a recording."""
+_LEAST_ROWS = 20
+
+
+@dataclass(frozen=True)
+class Block:
+    """Neighbouring rows of one recording: for each channel the Gram matrix (members + 1, members + 1), the residual
+    last."""
+
+    recording: int
+    rows: int
+    grams: list[Array]
+
+
+def sum_up(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> list[Block]:
+    """Gram matrices of all stretches; ``decimations`` samples a row of each."""
+    total = sum(piece.signals.samples // decimation for piece, decimation in zip(pieces, decimations, strict=True))
+    length = max(_LEAST_ROWS, total // _BLOCKS)
+    blocks: list[Block] = []
+    for piece, decimation in zip(pieces, decimations, strict=True):
+        rows = stretch_rows(design, piece, decimation, noise)
+        count = rows[0].shape[1]
+        if count < _LEAST_ROWS:
+            continue
+        edges = np.linspace(0, count, max(1, round(count / length)) + 1).astype(int)
+        for begin, end in pairwise(edges):
+            grams = [x[:, begin:end] @ x[:, begin:end].T for x in rows]
+            blocks.append(Block(piece.recording, int(end - begin), grams))
+    return blocks
+
+
+def total(blocks: Sequence[Block]) -> Block:
+    """The sum of blocks."""
+    grams = [np.sum([block.grams[channel] for block in blocks], axis=0) for channel in range(len(blocks[0].grams))]
+    return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)

@@ -1,0 +1,72 @@
+"""The noise of each channel's rows: from repeats, where the same motion was played again; else assumed, and wide.
+
+Rows are decimated samples; their noise is coloured, so it is described by an autoregressive filter that makes it white
+with variance one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+ORDER = 6
+_ROWS_A_COEFFICIENT = 30
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of all channels."""
+
+    filters: Array
+    """(channels, ORDER + 1) of the whitening filters: rows times this have unit variance."""
+    rms: Array
+    """(channels,) of the rows."""
+    degrees_of_freedom: float
+    """Behind the variances; 0 where they are assumed."""
+    playings: int
+    """How many playings of repeated motions they come from; 0 without repeats."""
+
+    def whiten(self, channel: int, rows: Array) -> Array:
+        """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
+        return np.asarray(lfilter(self.filters[channel], [1.0], rows, axis=-1)[..., ORDER:])
+
+
+def autoregressive(autocovariance: Array, rows: float) -> Array:
+    """(ORDER + 1,) whitening filter of noise with this autocovariance (ORDER + 1,) seen over so many rows."""
+    order = int(min(ORDER, rows // _ROWS_A_COEFFICIENT))
+    result = np.zeros(ORDER + 1)
+    variance = max(float(autocovariance[0]), np.finfo(float).tiny)
+    if order == 0:
+        result[0] = 1.0 / np.sqrt(variance)
+        return result
+    column = autocovariance[:order].copy()
+    column[0] *= 1.0 + 1e-6
+    prediction = solve_toeplitz(column, autocovariance[1 : order + 1])
+    innovation = max(float(variance - prediction @ autocovariance[1 : order + 1]), 1e-6 * variance)
+    result[: order + 1] = np.append(1.0, -prediction) / np.sqrt(innovation)
+    return result
+
+
+def autocovariance(pieces: Sequence[Array]) -> Array:
+    """(channels, ORDER + 1) of pieces (rows, channels) each."""
+    rows = sum(len(piece) for piece in pieces)
+    result = np.zeros((pieces[0].shape[1], ORDER + 1))
+    for piece in pieces:
+        for lag in range(min(ORDER + 1, len(piece))):
+            result[:, lag] += np.sum(piece[: len(piece) - lag] * piece[lag:], axis=0)
+    return result / max(rows, 1)
+
+
+def runs(values: Array) -> Iterator[slice]:
+    """Stretches of rows without NaN."""
+    good = np.isfinite(values).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(begin), int(end))
