@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
-ORDER = 6
-_ROWS_A_COEFFICIENT = 30
+ORDER = 4
+_ROWS_A_COEFFICIENT = 40
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,13 @@ class Noise:
     """Behind the variances; 0 where they are assumed."""
     playings: int
     """How many playings of repeated motions they come from; 0 without repeats."""
+
+    @classmethod
+    def none(cls, channels: int) -> Noise:
+        """Leaves rows as they are."""
+        filters = np.zeros((channels, ORDER + 1))
+        filters[:, 0] = 1.0
+        return cls(filters, np.ones(channels), 0.0, 0)
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
@@ -50,6 +57,8 @@ def autoregressive(autocovariance: Array, rows: float) -> Array:
     column[0] *= 1.0 + 1e-6
     prediction = solve_toeplitz(column, autocovariance[1 : order + 1])
     innovation = max(float(variance - prediction @ autocovariance[1 : order + 1]), 1e-6 * variance)
+    # On the rows that it was fitted to, the model predicts better than on others.
+    innovation *= 1.0 + 2.0 * order / rows
     result[: order + 1] = np.append(1.0, -prediction) / np.sqrt(innovation)
     return result
 

@@ -23,7 +23,7 @@ _KINEMATIC = 3.0
 the rows'."""
 _WIDER = 5.0
 """The rows' band is this multiple of the motion's: the sign of a velocity, a ripple, a late channel act above it."""
-_LEAST_BAND, _WIDEST_BAND = 4.0, 20.0
+_LEAST_BAND, _WIDEST_BAND = 10.0, 25.0
 """Hz"""
 
 

@@ -1,0 +1,101 @@
+"""What a diagnosis says: plain data, for reports, files and JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects import Place
+
+Array = NDArray[np.float64]
+
+Verdict = Literal["clean", "named", "ambiguous", "unknown"]
+Status = Literal["named", "ambiguous"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter with its standard error: numbers, or vectors of one length."""
+
+    value: float | Array
+    standard_error: float | Array
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A cause that could stand in for a finding."""
+
+    effect: str
+    place: Place
+    log_likelihood_gap: float
+    """Nats behind the finding, both less what their freedom costs."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One named, or nearly named, cause."""
+
+    effect: str
+    place: Place
+    status: Status
+    parameters: dict[str, Quantity]
+    log_likelihood_gain: float
+    """Nats that are lost without it, all other findings kept."""
+    false_alarm_probability: float
+    """Of the whole family of hypotheses, under chance."""
+    share_of_explainable: float
+    """Of what it acts on and any model could explain, how much is lost without it."""
+    alternatives: tuple[Alternative, ...]
+    """Nearest first."""
+    next_experiment: str | None
+    """The motion that would tell an ambiguous finding from its alternatives, one sentence."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Of one joint's torque in the compared band, N·m rms."""
+
+    before: float
+    after: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What repeats in one joint's torque and no finding explains."""
+
+    share: float
+    """Of the joint's explainable."""
+    signature: str
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Torque residual over all joints on data that the findings were not fitted to, N·m rms."""
+
+    before: float
+    after: float
+    share_of_explainable: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer about one arm's recordings. Indices of joints are those of ``joints``."""
+
+    joints: tuple[str, ...]
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    """Most evidence first."""
+    unexplained: dict[int, Unexplained]
+    torque_residual: tuple[Residual, ...]
+    held_out: HeldOut
+    smallest_detectable: dict[str, dict[int | None, float]]
+    """By effect and joint (None: the whole arm), in the unit of the effect's first measured parameter."""
+    notes: tuple[str, ...]
+    """What a reader must know to trust it: where the noise comes from, what the motion cannot tell."""
+    band: float
+    """Hz up to which torques were compared."""

@@ -1,0 +1,84 @@
+"""How large a gain chance alone gives: the resampled maximum over all hypotheses.
+
+Noise is drawn in the space of the Gram matrices (products of columns with white noise are Gaussian with the Gram
+matrix as covariance), the given model's deviations from its tolerance. Each hypothesis' gains under chance are
+described by a gamma law; the most surprising hypothesis of each draw says how surprised one must be (Westfall and
+Young 1993).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import gamma
+
+from estimator.diagnosis.bounded import bounded_fits
+from estimator.diagnosis.conditional import Conditional, Group
+from estimator.diagnosis.design import Design
+
+Array = NDArray[np.float64]
+
+DRAWS = 200
+
+
+@dataclass(frozen=True)
+class Chance:
+    """Gains of hypotheses that chance gives."""
+
+    shape: Array
+    scale: Array
+    """(hypotheses,) of the gamma law of each one's gain; its mean is their product."""
+    tests: float
+    """As many independent tests behave like this family of hypotheses."""
+
+    def surprise(self, gains: Array) -> Array:
+        """(hypotheses,) −log probability of gains (hypotheses,) under chance, one hypothesis at a time."""
+        return np.asarray(-gamma.logsf(np.maximum(gains, 0.0), self.shape, scale=self.scale))
+
+    def false_alarm(self, hypothesis: int, gain: float) -> float:
+        """Probability that chance makes any hypothesis of the family as surprising as this one."""
+        alone = gamma.sf(max(gain, 0.0), self.shape[hypothesis], scale=self.scale[hypothesis])
+        return float(-np.expm1(-self.tests * alone))
+
+
+def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
+    """By `DRAWS` draws of noise and of the base parameters, everything else being as the given model has it."""
+    design, random = model.design, np.random.default_rng(seed)
+    score = _null_scores(model, random)
+    count = len(design.hypotheses)
+    gains = np.zeros((count, DRAWS))
+    for group in groups:
+        matrix, energy = model.remaining(group)
+        lower, upper = group.lower, group.upper
+        _, own = bounded_fits(matrix, score[group.columns], energy, lower, upper)
+        for row, candidate in zip(own, group.candidates, strict=True):
+            hypothesis = design.candidates[candidate].hypothesis
+            np.maximum(gains[hypothesis], row, out=gains[hypothesis])
+    mean = np.maximum(gains.mean(axis=1), 1e-3)
+    variance = np.maximum(gains.var(axis=1), 1e-6)
+    # The tail matters: no lighter than that of one Gaussian coefficient.
+    scale = np.maximum(variance / mean, 1.0)
+    law = Chance(mean / scale, scale, 1.0)
+    surprises = np.array([law.surprise(draw) for draw in gains.T])
+    tested = np.isin(np.arange(count), [c.hypothesis for c in design.candidates])
+    largest = surprises[:, tested].max(axis=1)
+    # P(max < x) = exp(−tests·e^−x): tests by maximum likelihood.
+    return Chance(law.shape, law.scale, float(1.0 / np.mean(np.exp(-largest))))
+
+
+def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
+    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns."""
+    design: Design = model.design
+    rank = design.base.rank
+    deviation = np.linalg.solve(np.linalg.cholesky(design.precision).T, random.standard_normal((rank, DRAWS)))
+    products = np.zeros((design.size, DRAWS))
+    for channel, gram in enumerate(model.block.grams):
+        members, weight = design.members[channel], model.weights[channel]
+        values, vectors = np.linalg.eigh(gram[:-1, :-1])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
+        reached = design.reached[channel]
+        products[members] += weight * gram[:-1, : len(reached)] @ deviation[reached]
+    return np.asarray(products - model.cross.T @ model.solve(products[model.active]))

@@ -1,0 +1,192 @@
+"""The chosen causes once more, their non-linear parameters free: Gauss–Newton steps on Gram matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.conditional import Conditional
+from estimator.diagnosis.design import Candidate, Design
+from estimator.diagnosis.grams import Block, sum_up, total
+from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 4
+_STEP = 1e-3
+"""Of a non-linear parameter's span: step of the numerical derivative."""
+_ENOUGH = 0.02
+"""nats; a smaller improvement ends the refinement."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The given model with its causes, all parameters free."""
+
+    design: Design
+    """With the chosen candidates alone, at their refined theta."""
+    value: Array
+    """(rank + coefficients,) base deviations, then each candidate's coefficients."""
+    covariance: Array
+    """(size + thetas, size + thetas): of ``value``, then each candidate's theta."""
+    model: Conditional
+
+    def coefficients(self, candidate: int) -> Array:
+        return np.asarray(self.value[self.design.candidates[candidate].columns])
+
+    def covariance_of(self, candidate: int) -> Array:
+        """Of [theta | coefficients] of one candidate."""
+        own = self.design.candidates[candidate]
+        before = sum(len(c.theta) for c in self.design.candidates[:candidate])
+        places = [*(self.design.size + before + np.arange(len(own.theta))), *own.columns]
+        chosen = np.array(places, dtype=np.intp)
+        return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+
+
+def refine(
+    design: Design,
+    chosen: Sequence[int],
+    pieces: Sequence[Stretch],
+    decimations: Sequence[int],
+    noise: Noise,
+    weights: Array,
+) -> Refined:
+    """Improves theta of the chosen candidates within the span of their grids, and tells the errors of everything."""
+    spans = [_span(design, k) for k in chosen]
+    candidates = [design.candidates[k] for k in chosen]
+
+    def pass_over(wanted: Sequence[Candidate]) -> tuple[Design, Block]:
+        own = design.with_candidates(wanted)
+        return own, total(sum_up(own, pieces, decimations, noise))
+
+    def fitted(own: Design, block: Block) -> Conditional:
+        return Conditional(own, block, weights, np.arange(own.size))
+
+    best: float = -np.inf
+    step = np.zeros(0)
+    trial = candidates
+    for _ in range(_ITERATIONS):
+        stepped = [*trial, *_neighbours(trial, spans)]
+        wide, block = pass_over(stepped)
+        size = design.base.rank + sum(len(c.columns) for c in trial)
+        model = Conditional(wide, block, weights, np.arange(size))
+        gain = 0.5 * float(model.right[:size] @ model.value)
+        if gain < best + _ENOUGH and np.isfinite(best):
+            if gain > best:
+                candidates = trial
+                break
+            step = step / 2.0
+        else:
+            best, candidates = gain, trial
+            step = _newton_step(wide, model, trial, spans)
+        if not np.any(np.abs(step) > 1e-9):
+            break
+        trial = _moved(candidates, step, spans)
+    wide, block = pass_over([*candidates, *_neighbours(candidates, spans)])
+    size = design.base.rank + sum(len(c.columns) for c in candidates)
+    whole = Conditional(wide, block, weights, np.arange(size))
+    covariance = _covariance(wide, whole, candidates, spans)
+    own, block = pass_over(candidates)
+    model = fitted(own, block)
+    return Refined(own, model.value, covariance, model)
+
+
+def _span(design: Design, candidate: int) -> tuple[Array, Array]:
+    """Least and largest theta of a candidate's grid."""
+    hypothesis = design.candidates[candidate].hypothesis
+    grid = np.array([c.theta for c in design.candidates if c.hypothesis == hypothesis])
+    return grid.min(axis=0), grid.max(axis=0)
+
+
+def _neighbours(candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]) -> list[Candidate]:
+    """Each candidate with each of its theta a little larger (smaller at the upper end of the span)."""
+    result = []
+    for candidate, span in zip(candidates, spans, strict=True):
+        for k in range(len(candidate.theta)):
+            theta = candidate.theta.copy()
+            theta[k] += _shift(candidate, span, k)
+            result.append(replace(candidate, theta=theta))
+    return result
+
+
+def _shift(candidate: Candidate, span: tuple[Array, Array], k: int) -> float:
+    width = float(span[1][k] - span[0][k]) or abs(float(candidate.theta[k])) or 1.0
+    return -_STEP * width if candidate.theta[k] + _STEP * width > span[1][k] else _STEP * width
+
+
+def _slopes(
+    design: Design, value: Array, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
+) -> Array:
+    """(thetas, size of the wide design): what a unit of each theta adds, in terms of the wide design's columns."""
+    result: list[Array] = []
+    neighbour = len(candidates)
+    for number, (candidate, span) in enumerate(zip(candidates, spans, strict=True)):
+        own = design.candidates[number].columns
+        for k in range(len(candidate.theta)):
+            row = np.zeros(design.size)
+            row[design.candidates[neighbour].columns] = value[own]
+            row[own] = -value[own]
+            result.append(row / _shift(candidate, span, k))
+            neighbour += 1
+    return np.array(result).reshape(len(result), design.size)
+
+
+def _information(design: Design, model: Conditional, slopes: Array) -> tuple[Array, Array, Array]:
+    """Schur complement of theta after the linear unknowns, its score, and the linear unknowns' response."""
+    everything = np.arange(design.size)
+    whole = Conditional(design, model.block, model.weights, everything)
+    products = whole.cross
+    cross = slopes @ products[:, : len(model.active)]
+    response = model.solve(cross.T)
+    inner = slopes @ products @ slopes.T - cross @ response
+    score = slopes @ whole.right - cross @ model.value
+    return inner, score, response
+
+
+def _newton_step(
+    design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
+) -> Array:
+    slopes = _slopes(design, model.value, candidates, spans)
+    if not len(slopes):
+        return np.zeros(0)
+    inner, score, _ = _information(design, model, slopes)
+    widths = np.concatenate([(high - low) for low, high in spans])
+    # A weak pull to where theta is, a span wide: what the data do not tell stays.
+    damping = np.diag(1.0 / np.maximum(widths, 1e-12) ** 2)
+    step = np.linalg.solve(inner + damping, score)
+    return np.asarray(np.clip(step, -0.5 * widths, 0.5 * widths))
+
+
+def _moved(candidates: Sequence[Candidate], step: Array, spans: Sequence[tuple[Array, Array]]) -> list[Candidate]:
+    result, place = [], 0
+    for candidate, (low, high) in zip(candidates, spans, strict=True):
+        count = len(candidate.theta)
+        theta = np.clip(candidate.theta + step[place : place + count], low, high)
+        result.append(replace(candidate, theta=theta))
+        place += count
+    return result
+
+
+def _covariance(
+    design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
+) -> Array:
+    """Of linear unknowns and theta together, by block inversion; a theta that the data do not tell keeps the variance
+    of its span."""
+    size = len(model.active)
+    slopes = _slopes(design, model.value, candidates, spans)
+    thetas = len(slopes)
+    result = np.zeros((size + thetas, size + thetas))
+    result[:size, :size] = model.covariance
+    if thetas:
+        inner, _, response = _information(design, model, slopes)
+        widths = np.concatenate([(high - low) for low, high in spans])
+        own = np.linalg.inv(inner + np.diag(12.0 / np.maximum(widths, 1e-12) ** 2))
+        result[size:, size:] = own
+        result[:size, size:] = -response @ own
+        result[size:, :size] = result[:size, size:].T
+        result[:size, :size] += response @ own @ response.T
+    return result

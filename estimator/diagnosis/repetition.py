@@ -1,0 +1,101 @@
+"""What repeats say about a channel: its noise, and how much of it any model could explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.noise import Noise, autocovariance, autoregressive, runs
+from estimator.diagnosis.stretches import Grid, Stretch
+from estimator.filtering import Decimator
+from estimator.repeats import RepeatGroup, aligned
+
+Array = NDArray[np.float64]
+
+_LEAST_ROWS = 60
+"""Rows of difference that a noise must be judged by."""
+
+
+@dataclass(frozen=True)
+class Laid:
+    """Channels of all recordings on even times, NaN where nothing was told: what `aligned` takes."""
+
+    times: list[Array]
+    values: list[Array]
+
+
+def lay(pieces: Sequence[Stretch], channels: Sequence[Array]) -> Laid:
+    """``channels`` (samples, k) of each stretch, put together recording by recording."""
+    times: list[Array] = []
+    values: list[Array] = []
+    for recording in range(max(piece.recording for piece in pieces) + 1):
+        own = [(p.signals.t, c) for p, c in zip(pieces, channels, strict=True) if p.recording == recording]
+        if not own:
+            times.append(np.arange(2.0))
+            values.append(np.full((2, channels[0].shape[1]), np.nan))
+            continue
+        period = own[0][0][1] - own[0][0][0]
+        start, end = min(t[0] for t, _ in own), max(t[-1] for t, _ in own)
+        grid = start + period * np.arange(round((end - start) / period) + 1)
+        laid = np.full((len(grid), channels[0].shape[1]), np.nan)
+        for t, value in own:
+            first = round((t[0] - start) / period)
+            laid[first : first + len(t)] = value[: len(laid) - first]
+        times.append(grid)
+        values.append(laid)
+    return Laid(times, values)
+
+
+def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Array]:
+    """Rows (playings, rows, channels) of each stretch of each repeated motion that all its playings tell."""
+    result: list[Array] = []
+    for group in groups:
+        rate, stack = aligned(group, laid.times, laid.values)
+        if stack.shape[1] < 2:
+            continue
+        count, samples, channels = stack.shape
+        flat = stack.transpose(1, 0, 2).reshape(samples, count * channels)
+        decimate = Decimator(grid.decimation(1.0 / rate))
+        for run in runs(flat):
+            rows = decimate(flat[run].T)
+            result.append(rows.reshape(count, channels, -1).transpose(0, 2, 1))
+    return result
+
+
+def repeated_noise(rows: Sequence[Array]) -> Noise | None:
+    """Noise from the playings' deviations from their mean; None where repeats are too short to tell."""
+    if not rows:
+        return None
+    deviations = [
+        one for stack in rows for one in (stack - stack.mean(axis=0)) * np.sqrt(len(stack) / (len(stack) - 1))
+    ]
+    freedom = sum((len(stack) - 1) * stack.shape[1] for stack in rows)
+    if freedom < _LEAST_ROWS:
+        return None
+    covariance = autocovariance(deviations)
+    return Noise(
+        filters=np.array([autoregressive(row, freedom) for row in covariance]),
+        rms=np.sqrt(covariance[:, 0]),
+        degrees_of_freedom=float(freedom),
+        playings=sum(len(stack) for stack in rows),
+    )
+
+
+def explainable(rows: Sequence[Array]) -> tuple[Array, Array]:
+    """Mean square per row of what repeats (channels,), and its standard error: the bound on any model's gain.
+
+    The mean of the playings less the part of the noise that is left in it.
+    """
+    total = sum(stack.shape[1] for stack in rows)
+    channels = rows[0].shape[2]
+    power, scatter = np.zeros(channels), np.zeros(channels)
+    for stack in rows:
+        count = len(stack)
+        noise = np.sum((stack - stack.mean(axis=0)) ** 2, axis=0) / (count - 1)
+        own = stack.mean(axis=0) ** 2 - noise / count
+        power += own.sum(axis=0)
+        scatter += np.sum((own - own.mean(axis=0)) ** 2, axis=0)
+    return power / total, np.sqrt(scatter) / total

@@ -1,0 +1,225 @@
+"""Forward selection of causes, with every earlier choice judged again after each step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.chance import Chance, resample
+from estimator.diagnosis.conditional import Conditional, groups_of
+from estimator.diagnosis.design import Candidate, Design
+from estimator.diagnosis.grams import Block, total
+
+Array = NDArray[np.float64]
+
+FALSE_ALARM = 0.02
+"""Family-wise probability of a false alarm that a step may have."""
+_LEAST_SHARE = 0.04
+"""Of the explainable that is left in its channels, what a cause must explain."""
+_HELD_OUT = 1.64
+"""Standard errors by which the held-out gain must be above zero."""
+_MOST_CAUSES_A_JOINT = 4
+_TRIED = 4
+"""Hypotheses that a step tries before it gives up."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A candidate that could stand in for a cause, and how many nats behind it is."""
+
+    candidate: int
+    gap: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A candidate that was chosen, with its evidence given all others that were."""
+
+    candidate: int
+    gain: float
+    """Log-likelihood that is lost without it."""
+    false_alarm: float
+    held_out: float
+    """Log-likelihood gained on blocks left out, in standard errors."""
+    alternatives: tuple[Alternative, ...] = ()
+
+
+class Search:
+    """The evidence about one design; `Search.run` finds the causes."""
+
+    def __init__(self, design: Design, blocks: Sequence[Block], folds: Sequence[int]) -> None:
+        """``folds`` says for each block which fold it is left out with."""
+        self.design, self.blocks = design, list(blocks)
+        self.total = total(blocks)
+        self.folds = np.array(folds)
+        self.groups = groups_of(design)
+        self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
+        self.weights = np.ones(len(design.channels))
+        self.chance: Chance = resample(self.model([]), self.groups)
+        self._training: dict[int, Block] = {}
+
+    def model(self, chosen: Sequence[int], block: Block | None = None) -> Conditional:
+        """The given model with these candidates, fitted at the present weights."""
+        columns = [self.design.candidates[k].columns for k in chosen]
+        active = np.concatenate([np.arange(self.design.base.rank), *columns]).astype(np.intp)
+        return Conditional(self.design, block or self.total, self.weights, active)
+
+    def excess(self, chosen: Sequence[int]) -> Array:
+        """(channels,) mean square of the whitened residual: one where only noise is left."""
+        model = self.model(chosen)
+        return model.squares() / max(1.0, self.total.rows - len(model.active) / len(self.design.channels))
+
+    def reweigh(self, chosen: Sequence[int]) -> None:
+        """What is not explained counts as noise: a channel weighs the less the worse it is understood."""
+        self.weights = 1.0 / np.maximum(1.0, self.excess(chosen))
+
+    def size(self, candidate: int) -> int:
+        """Unknowns of a candidate."""
+        return len(self.design.candidates[candidate].columns) + len(self.design.candidates[candidate].theta)
+
+    def penalty(self, chosen: Sequence[int]) -> float:
+        """Nats that a model's freedom costs (Bayesian information criterion)."""
+        unknowns = sum(self.size(k) for k in chosen)
+        return float(0.5 * np.log(self.total.rows) * unknowns)
+
+    def support(self, chosen: Sequence[int]) -> float:
+        """Log-likelihood of a model above the given one's, less its penalty."""
+        model = self.model(chosen)
+        explained = float(0.5 * (model.right[model.active] @ model.value))
+        return explained - self.penalty(chosen)
+
+    def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
+        """Best candidate of every other hypothesis, its gain and its gain less penalty, the best first."""
+        gains, _ = self.model(chosen).gains(self.groups)
+        taken = {self.owner[k] for k in chosen}
+        best: dict[int, int] = {}
+        for k in np.argsort(-gains):
+            if self.owner[k] not in taken and np.isfinite(gains[k]):
+                best.setdefault(int(self.owner[k]), int(k))
+        rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
+        return sorted(rows, key=lambda row: -row[2])
+
+    def run(self) -> list[Cause]:
+        """All causes, the one with most evidence first."""
+        chosen: list[int] = []
+        self.reweigh(chosen)
+        limit = _MOST_CAUSES_A_JOINT * len(self.design.channels)
+        while len(chosen) < limit:
+            grown = self._step(chosen)
+            if grown is None:
+                break
+            chosen = self._pruned(self._simplified(grown))
+            self.reweigh(chosen)
+        chosen = self._pruned(self._swapped(chosen))
+        return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
+
+    def held_out(self, candidate: int, others: Sequence[int]) -> float:
+        """Log-likelihood that a candidate gains on data left out, in its standard errors over the blocks."""
+        gains = np.empty(len(self.blocks))
+        for fold in np.unique(self.folds):
+            train = self._without(int(fold))
+            lean, full = self.model(others, train), self.model([*others, candidate], train)
+            for k in np.flatnonzero(self.folds == fold):
+                before = lean.squares_with(lean.active, lean.value, self.blocks[k])
+                after = full.squares_with(full.active, full.value, self.blocks[k])
+                gains[k] = 0.5 * float(self.weights @ (before - after))
+        error = float(gains.std(ddof=1) * np.sqrt(len(gains)))
+        return float(gains.sum()) / max(error, 1e-12)
+
+    def _without(self, fold: int) -> Block:
+        if fold not in self._training:
+            kept = [block for block, f in zip(self.blocks, self.folds, strict=True) if f != fold]
+            self._training[fold] = total(kept) if kept else self.total
+        return self._training[fold]
+
+    def _step(self, chosen: list[int]) -> list[int] | None:
+        """One more cause, or None when none is supported."""
+        for candidate, gain, supported in self.ranked(chosen)[:_TRIED]:
+            if supported <= 0.0 or not self._matters(candidate, chosen):
+                continue
+            if self.chance.false_alarm(int(self.owner[candidate]), gain) > FALSE_ALARM:
+                continue
+            if self.held_out(candidate, chosen) > _HELD_OUT:
+                return [*chosen, candidate]
+        return None
+
+    def _matters(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
+        rows = self.total.rows
+        before, after = self.model(chosen).squares() / rows, self.model([*chosen, candidate]).squares() / rows
+        left = np.maximum(before - 1.0, 0.0)
+        channels = list(self.design.candidates[candidate].channels)
+        return bool(np.any((before - after)[channels] > _LEAST_SHARE * left[channels]))
+
+    def _simplified(self, chosen: list[int]) -> list[int]:
+        """Replaces an effect by special cases of it when they are as well supported."""
+        for k in chosen:
+            candidate = self.design.candidates[k]
+            hypothesis = self.design.hypotheses[candidate.hypothesis]
+            if not hypothesis.effect.contains:
+                continue
+            others = [c for c in chosen if c != k]
+            parts = [self._best_of(name, candidate, others) for name in hypothesis.effect.contains]
+            parts = [part for part in parts if part is not None and part not in others]
+            best, support = chosen, self.support(chosen)
+            for count in range(1, len(parts) + 1):
+                for subset in combinations([p for p in parts if p is not None], count):
+                    trial = [*others, *subset]
+                    if (value := self.support(trial)) > support:
+                        best, support = trial, value
+            chosen = best
+        return chosen
+
+    def _best_of(self, name: str, candidate: Candidate, others: Sequence[int]) -> int | None:
+        """The candidate of the named effect at the same place that adds most to the others."""
+        place = self.design.hypotheses[candidate.hypothesis].place
+        same = [
+            k
+            for k, other in enumerate(self.design.candidates)
+            if (h := self.design.hypotheses[other.hypothesis]).effect.name == name and h.place == place
+        ]
+        if not same:
+            return None
+        return max(same, key=lambda k: self.support([*others, k]))
+
+    def _pruned(self, chosen: list[int]) -> list[int]:
+        """Without causes that the others have made superfluous, the least supported first."""
+        while len(chosen) > 1:
+            whole = self.support(chosen)
+            loss = {k: whole - self.support([c for c in chosen if c != k]) for k in chosen}
+            weakest = min(loss, key=lambda k: loss[k])
+            if loss[weakest] > 0.0:
+                break
+            chosen = [c for c in chosen if c != weakest]
+        return chosen
+
+    def _swapped(self, chosen: list[int]) -> list[int]:
+        """Each cause against all that could stand in its place."""
+        for _ in range(2):
+            before = list(chosen)
+            for k in before:
+                if k not in chosen:
+                    continue
+                others = [c for c in chosen if c != k]
+                rivals = [row for row in self.ranked(others)[:3] if row[0] not in chosen]
+                best = max((row[0] for row in rivals), key=lambda c: self.support([*others, c]), default=k)
+                if self.support([*others, best]) > self.support([*others, k]):
+                    chosen = self._simplified([*others, best])
+            if set(before) == set(chosen):
+                break
+        return chosen
+
+    def _judged(self, candidate: int, chosen: list[int]) -> Cause:
+        others = [c for c in chosen if c != candidate]
+        own = self.owner[candidate]
+        rows = self.ranked(others)
+        mine = next((row for row in rows if self.owner[row[0]] == own), None)
+        gain = mine[1] if mine is not None else 0.0
+        supported = mine[2] if mine is not None else 0.0
+        alternatives = tuple(Alternative(k, supported - value) for k, _, value in rows if self.owner[k] != own)
+        cause = Cause(candidate, gain, self.chance.false_alarm(int(own), gain), self.held_out(candidate, others))
+        return replace(cause, alternatives=alternatives)

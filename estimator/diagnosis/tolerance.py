@@ -1,0 +1,33 @@
+"""How far the given model's base parameters may be off before a cause is looked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.base_parameters import BaseParameters
+from estimator.consistency import prior_precision
+from estimator.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+
+_UNTOLD = 1e3
+"""Standard deviation of each parameter of a link that the model gives no mass (kg, kg·m, kg·m²)."""
+
+
+def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> Array:
+    """(rank, rank) inverse covariance of the base parameters' deviations, every link's inertial parameters being right
+    to a relative ``tolerance`` (standard deviation; see `estimator.consistency.prior_precision`).
+
+    A link without mass is not modelled at all: its parameters are free.
+    """
+    covariance = np.zeros((10 * body.n, 10 * body.n))
+    for link, parameters in enumerate(body.prior().reshape(-1, 10)):
+        span = slice(10 * link, 10 * link + 10)
+        if parameters[0] > 0.0:
+            covariance[span, span] = np.linalg.inv(prior_precision(parameters, tolerance))
+        else:
+            covariance[span, span] = _UNTOLD**2 * np.eye(10)
+    spread = base.combination @ covariance @ base.combination.T
+    scale = np.sqrt(np.diag(spread))
+    return np.asarray(np.linalg.inv(spread / np.outer(scale, scale)) / np.outer(scale, scale))
