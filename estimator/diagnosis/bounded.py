@@ -42,7 +42,7 @@ def bounded_fits(matrix: Array, score: Array, energy: Array, lower: Array, upper
 
 def _inverse(matrix: Array, energy: Array) -> Array:
     """Pseudo-inverse (k, c, c), its cut-off relative to the energy that the columns had before."""
-    scale = 1.0 / np.sqrt(np.maximum(energy, np.finfo(float).tiny))
+    scale = np.where(energy > 0.0, 1.0 / np.sqrt(np.where(energy > 0.0, energy, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(matrix * scale[:, :, None] * scale[:, None, :])
     inverse = np.where(values > _SINGULAR, 1.0 / np.maximum(values, _SINGULAR), 0.0)
     inner = np.einsum("kab,kb,kcb->kac", vectors, inverse, vectors)

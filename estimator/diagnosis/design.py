@@ -14,7 +14,6 @@ from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Channel, Stretch
 from estimator.effects import Effect, Place, Scales, Signals
 from estimator.filtering import Decimator
-from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import make_layout
 
@@ -109,27 +108,28 @@ def make_design(
     )
     where = {channel: k for k, channel in enumerate(channels)}
     empty = Design(body, base, channels, tuple(hypotheses), (), precision, reached)
+    moment = _moment(body)
     candidates: list[Candidate] = []
     for number, hypothesis in enumerate(hypotheses):
         effect, place = hypothesis.effect, hypothesis.place
-        enters = [Channel(effect.equation, row) for row in effect.rows(body, place)]
+        enters = [Channel(effect.equation_at(place), row) for row in effect.rows(body, place)]
         if not all(channel in where for channel in enters):
             continue
-        limits = effect.limits(place, scales)
-        for theta in effect.grid(place, scales):
-            count = _coefficients(body, effect, place, theta) if limits is None else len(limits[0])
-            lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
+        grid, limits = effect.grid(place, scales), effect.limits(place, scales)
+        count = effect.columns(place, moment, grid[0]).shape[2] if limits is None else len(limits[0])
+        lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
+        for theta in grid:
             columns = np.arange(count)
             candidates.append(Candidate(number, theta, columns, tuple(where[c] for c in enters), lower, upper))
     return empty.with_candidates(candidates)
 
 
-def _coefficients(body: RigidBody, effect: Effect, place: Place, theta: Array) -> int:
-    """How many coefficients an effect has, asked on a moment of any motion."""
+def _moment(body: RigidBody) -> Signals:
+    """A moment of any motion, on which an effect shows how many coefficients it has."""
     t = np.arange(8) / 100.0
     q = np.sin(t)[:, None] * np.ones(body.n)
-    moment = Signals.of_motion(body, t, q, np.gradient(q, t, axis=0), -q)
-    return int(effect.columns(place, moment, theta).shape[2])
+    dq = np.cos(t)[:, None] * np.ones(body.n)
+    return Signals(body, t, q, dq, -q, np.zeros_like(q), np.zeros_like(q), dq)
 
 
 def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise) -> list[Array]:
@@ -145,11 +145,10 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
 
 def _columns(design: Design, signals: Signals) -> list[list[Array]]:
     kept, sign = np.array(design.base.kept), design.base.sign
-    regressor = torque_regressor(signals.body, signals.q, signals.dq, signals.ddq)
     parts: list[list[Array]] = []
     for channel, reached in zip(design.channels, design.reached, strict=True):
         if channel.equation == "torque":
-            parts.append([(regressor[:, channel.index, kept[reached]] * sign[reached]).T])
+            parts.append([(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T])
         else:
             parts.append([np.zeros((0, signals.samples))])
     for candidate in design.candidates:

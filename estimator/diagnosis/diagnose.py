@@ -1,62 +1,170 @@
-"""The whole way from recordings and the given model to causes."""
+"""The whole way from recordings and the given model to named causes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from config import InputError
-from estimator.base_parameters import base_parameters
-from estimator.diagnosis.design import Design, Hypothesis, make_design
-from estimator.diagnosis.grams import sum_up
+from estimator.diagnosis.answer import Alternative, Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.design import Hypothesis
+from estimator.diagnosis.detectable import smallest_detectable
+from estimator.diagnosis.evidence import Evidence, cut, gather
+from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.noise import Noise
-from estimator.diagnosis.repetition import lay, playings, repeated_noise
+from estimator.diagnosis.quantities import quantities
+from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.search import Cause, Search
-from estimator.diagnosis.stretches import Grid, Stretch, channels_of, rows_band, stretches
-from estimator.diagnosis.tolerance import base_precision
-from estimator.effects import Scales, catalogue
-from estimator.repeats import find_repeats
+from estimator.diagnosis.torques import left_out_power, plain_blocks, residual_power, torque_channels
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Evidence:
-    """All that a diagnosis rests on."""
-
-    design: Design
-    pieces: tuple[Stretch, ...]
-    grid: Grid
-    noise: Noise
-    search: Search
-    causes: tuple[Cause, ...]
+AMBIGUOUS = 3.0
+"""nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
+_SHOWN = 5
+"""Alternatives that an answer lists."""
+_SIGNIFICANT = 3.5
+"""Standard errors by which a residual must exceed the noise to be called unexplained."""
+_WORTH_TELLING = 0.25
+"""Of the explainable: a smaller share that is left does not make the verdict unknown."""
 
 
-def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:
-    grid = Grid(rows_band(trajectories), channels_of(body, trajectories))
-    pieces = [piece for k, trajectory in enumerate(trajectories) for piece in stretches(body, grid, k, trajectory)]
-    if not pieces:
-        raise InputError(
-            trajectories[0].name,
-            "has no gapless stretch long enough to judge",
-            "record at least some seconds of motion",
+def diagnose(
+    body: RigidBody,
+    trajectories: Sequence[Trajectory],
+    hold_out: Sequence[Trajectory] = (),
+    tolerance: float = 0.05,
+) -> Diagnosis:
+    """Names what the given model gets wrong.
+
+    ``tolerance``: relative standard deviation to which the model's inertial parameters are believed. ``hold_out``:
+    recordings on which the gain is measured; without them, data left out in turn.
+    Raises InputError for recordings that cannot be judged.
+    """
+    evidence = gather(body, trajectories, tolerance)
+    search = Search(evidence.design, evidence.blocks, evidence.folds)
+    causes = search.run()
+    chosen = [cause.candidate for cause in causes]
+    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
+    findings = tuple(_finding(search, refined, number, cause, causes) for number, cause in enumerate(causes))
+    unexplained = _unexplained(evidence, search, refined)
+    return Diagnosis(
+        joints=body.joints,
+        verdict=_verdict(findings, unexplained),
+        findings=findings,
+        unexplained=unexplained,
+        torque_residual=_residuals(evidence, refined),
+        held_out=_held_out(evidence, search, refined, body, hold_out),
+        smallest_detectable=smallest_detectable(search, chosen),
+        notes=tuple(_notes(evidence)),
+        band=evidence.grid.band,
+    )
+
+
+def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]) -> Finding:
+    design = search.design
+    hypothesis = design.hypotheses[design.candidates[cause.candidate].hypothesis]
+    near = tuple(
+        Alternative((h := _of(search, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives[:_SHOWN]
+    )
+    ambiguous = any(a.log_likelihood_gap < AMBIGUOUS for a in near)
+    fitted = refined.design.candidates[number]
+    others = [c.candidate for c in causes if c is not cause]
+    channels = list(fitted.channels)
+    rows = search.total.rows
+    with_it = search.model([c.candidate for c in causes]).squares()[channels].sum() / rows
+    without = search.model(others).squares()[channels].sum() / rows
+    bound = max(search.model([]).squares()[channels].sum() / rows - len(channels), 1e-12)
+    return Finding(
+        effect=hypothesis.effect.name,
+        place=hypothesis.place,
+        status="ambiguous" if ambiguous else "named",
+        parameters=quantities(hypothesis, fitted.theta, refined.coefficients(number), refined.covariance_of(number)),
+        log_likelihood_gain=cause.gain,
+        false_alarm_probability=cause.false_alarm,
+        share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),
+        alternatives=near,
+        next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
+    )
+
+
+def _of(search: Search, candidate: int) -> Hypothesis:
+    return search.design.hypotheses[search.design.candidates[candidate].hypothesis]
+
+
+def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
+    joint = hypothesis.place.joint
+    return hypothesis.effect.experiment.format(joint="of the arm" if joint is None else body.joints[joint])
+
+
+def _unexplained(evidence: Evidence, search: Search, refined: Refined) -> dict[int, Unexplained]:
+    """Torques whose residual is beyond the noise, by the whitened residual's mean square."""
+    rows = search.total.rows
+    before = search.model([]).squares() / rows
+    after = refined.model.squares() / rows
+    freedom = evidence.noise.degrees_of_freedom or np.inf
+    error = np.sqrt(2.0 / rows + 2.0 / freedom)
+    result = {}
+    for channel in torque_channels(evidence.design):
+        if after[channel] < 1.0 + _SIGNIFICANT * error:
+            continue
+        share = (after[channel] - 1.0) / max(before[channel] - 1.0, after[channel] - 1.0)
+        result[evidence.grid.channels[channel].index] = Unexplained(float(share), "repeats, by no law of the catalogue")
+    return result
+
+
+def _verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
+    if any(left.share > _WORTH_TELLING for left in unexplained.values()):
+        return "unknown"
+    if not findings:
+        return "clean"
+    return "ambiguous" if any(finding.status == "ambiguous" for finding in findings) else "named"
+
+
+def _residuals(evidence: Evidence, refined: Refined) -> tuple[Residual, ...]:
+    design = refined.design
+    whole = total(plain_blocks(design, evidence.pieces, evidence.decimations))
+    before = np.sqrt(residual_power(design, whole, np.zeros(design.size)))
+    after = np.sqrt(residual_power(design, whole, refined.value))
+    return tuple(
+        Residual(float(before[k]), float(after[k]), float(evidence.noise.rms[k])) for k in torque_channels(design)
+    )
+
+
+def _held_out(
+    evidence: Evidence, search: Search, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]
+) -> HeldOut:
+    design = refined.design
+    chosen = torque_channels(design)
+    if hold_out:
+        pieces = cut(body, evidence.grid, hold_out)
+        whole = total(plain_blocks(design, pieces, [evidence.grid.decimation(p.signals.period) for p in pieces]))
+        before, after = (
+            residual_power(design, whole, np.zeros(design.size)),
+            residual_power(design, whole, refined.value),
         )
-    groups = find_repeats(trajectories)
-    rows = playings(groups, grid, lay(pieces, [piece.residual for piece in pieces]))
-    noise = repeated_noise(rows)
-    if noise is None:
-        raise InputError("recordings", "no motion recurs", "play a motion twice")
-    base = base_parameters(body)
-    hypotheses = [Hypothesis(e, place) for e in catalogue().values() for place in e.places(body)]
-    scales = Scales.of([piece.signals for piece in pieces], grid.band)
-    precision = base_precision(body, base, tolerance)
-    design = make_design(body, base, grid.channels, hypotheses, scales, precision)
-    decimations = [grid.decimation(piece.signals.period) for piece in pieces]
-    blocks = sum_up(design, pieces, decimations, noise)
-    search = Search(design, blocks, list(range(len(blocks))))
-    return Evidence(design, tuple(pieces), grid, noise, search, tuple(search.run()))
+    else:
+        plain = plain_blocks(design, evidence.pieces, evidence.decimations)
+        whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise)
+        before = residual_power(design, total(plain), np.zeros(design.size))
+        after = left_out_power(design, search.weights, whitened, plain, evidence.folds)
+    noise = float(np.sum(evidence.noise.rms[chosen] ** 2))
+    worst, best = float(before[chosen].sum()), float(after[chosen].sum())
+    share = (worst - best) / (worst - noise) if worst > noise else 0.0
+    count = len(chosen)
+    return HeldOut(np.sqrt(worst / count), np.sqrt(best / count), float(np.clip(share, -1.0, 1.0)))
+
+
+def _notes(evidence: Evidence) -> list[str]:
+    notes = []
+    noise: Noise = evidence.noise
+    if noise.playings:
+        notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")
+    else:
+        notes.append(
+            "no motion was played twice: the noise is assumed, and wide; play each motion twice to see smaller effects"
+        )
+    return notes

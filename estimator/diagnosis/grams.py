@@ -52,5 +52,17 @@ def sum_up(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int]
 
 def total(blocks: Sequence[Block]) -> Block:
     """The sum of blocks."""
-    grams = [np.sum([block.grams[channel] for block in blocks], axis=0) for channel in range(len(blocks[0].grams))]
+    grams = [gram.copy() for gram in blocks[0].grams]
+    for block in blocks[1:]:
+        for gram, more in zip(grams, block.grams, strict=True):
+            gram += more
     return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)
+
+
+def less(whole: Block, blocks: Sequence[Block]) -> Block:
+    """A sum without some of its blocks."""
+    grams = [gram.copy() for gram in whole.grams]
+    for block in blocks:
+        for gram, more in zip(grams, block.grams, strict=True):
+            gram -= more
+    return Block(whole.recording, whole.rows - sum(block.rows for block in blocks), grams)

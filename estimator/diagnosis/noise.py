@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 _ROWS_A_COEFFICIENT = 40
+_WIDENED = 1.3
+"""Factor on the standard deviation of a noise that no repeats tell."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,37 @@ def autoregressive(autocovariance: Array, rows: float) -> Array:
     innovation *= 1.0 + 2.0 * order / rows
     result[: order + 1] = np.append(1.0, -prediction) / np.sqrt(innovation)
     return result
+
+
+def assumed_noise(stretches: Sequence[Sequence[Array]]) -> Noise:
+    """Without repeats: what the richest linear model leaves, widened.
+
+    ``stretches`` hold for each channel (columns + 1, rows), the residual last. The model takes the principal directions
+    of all hypotheses' columns, as many as a third of the rows: it swallows the effects, and some of the noise, which is
+    what the widening is for.
+    """
+    left: list[list[Array]] = [[] for _ in stretches]
+    freedom = np.inf
+    for channel in range(len(stretches[0])):
+        rows = np.concatenate([stretch[channel] for stretch in stretches], axis=1)
+        norms = np.linalg.norm(rows[:-1], axis=1)
+        columns = rows[:-1][norms > 0.0] / norms[norms > 0.0, None]
+        directions = np.linalg.svd(columns, full_matrices=False)[2] if len(columns) else np.zeros((0, rows.shape[1]))
+        kept = directions[: rows.shape[1] // 3]
+        residual = rows[-1] - (rows[-1] @ kept.T) @ kept
+        free = rows.shape[1] - len(kept)
+        freedom = min(freedom, float(free))
+        residual *= np.sqrt(rows.shape[1] / free)
+        edges = np.cumsum([stretch[channel].shape[1] for stretch in stretches])[:-1]
+        for own, part in zip(left, np.split(residual, edges), strict=True):
+            own.append(part)
+    covariance = _WIDENED**2 * autocovariance([np.array(own).T for own in left])
+    return Noise(
+        filters=np.array([autoregressive(row, freedom) for row in covariance]),
+        rms=np.sqrt(covariance[:, 0]),
+        degrees_of_freedom=0.0,
+        playings=0,
+    )
 
 
 def autocovariance(pieces: Sequence[Array]) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.chance import Chance, resample
 from estimator.diagnosis.conditional import Conditional, groups_of
 from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.grams import Block, total
+from estimator.diagnosis.grams import Block, less, total
 
 Array = NDArray[np.float64]
 
@@ -132,8 +132,8 @@ class Search:
 
     def _without(self, fold: int) -> Block:
         if fold not in self._training:
-            kept = [block for block, f in zip(self.blocks, self.folds, strict=True) if f != fold]
-            self._training[fold] = total(kept) if kept else self.total
+            out = [block for block, f in zip(self.blocks, self.folds, strict=True) if f == fold]
+            self._training[fold] = less(self.total, out)
         return self._training[fold]
 
     def _step(self, chosen: list[int]) -> list[int] | None:

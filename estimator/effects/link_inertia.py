@@ -35,8 +35,7 @@ class LinkInertia(Effect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         assert place.joint is not None
         span = slice(10 * place.joint, 10 * place.joint + 10)
-        regressor = torque_regressor(signals.body, signals.q, signals.dq, signals.ddq)
-        columns = regressor[:, self.rows(signals.body, place), span]
+        columns = signals.regressor[:, self.rows(signals.body, place), span]
         columns[:, :, ~distinguishable(signals.body, place.joint)] = 0.0
         return np.asarray(columns)
 

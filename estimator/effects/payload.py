@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -33,8 +32,7 @@ class Payload(Effect):
         return [Place()]
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        regressor = torque_regressor(signals.body, signals.q, signals.dq, signals.ddq)
-        return np.asarray(regressor[:, :, -10:-6])
+        return np.asarray(signals.regressor[:, :, -10:-6])
 
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
         return np.array([0.0, -np.inf, -np.inf, -np.inf]), np.full(4, np.inf)

@@ -78,6 +78,11 @@ class Signals:
         return averaged_sign(self.dq[:, joint], width)
 
     @cached_property
+    def regressor(self) -> Array:
+        """(samples, n, 10·n) the torque regressor of the motion."""
+        return torque_regressor(self.body, self.q, self.dq, self.ddq)
+
+    @cached_property
     def sensitivity(self) -> tuple[Array, Array, Array]:
         """∂tau_rigid/∂q, ∂tau_rigid/∂dq, ∂tau_rigid/∂ddq (the mass matrix): (samples, n, n) each, [:, i, j] torque i by
         joint j. How an error of a sensor enters the torque equation."""
