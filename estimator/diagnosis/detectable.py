@@ -17,12 +17,13 @@ def smallest_detectable(search: Search, chosen: list[int]) -> dict[str, dict[int
     design, model = search.design, search.model(chosen)
     threshold = -np.log(FALSE_ALARM / search.chance.tests)
     result: dict[str, dict[int | None, float]] = {}
+    strongest = _strongest(search)
     for group in search.groups:
         matrix, energy = model.remaining(group)
         for k, number in enumerate(group.candidates):
             candidate = design.candidates[number]
             visible = matrix[k, 0, 0]
-            if visible <= 1e-9 * energy[k, 0]:
+            if visible <= 1e-9 * max(energy[k, 0], 1e-6 * strongest[_effect(search, number)]):
                 continue
             hypothesis = design.hypotheses[candidate.hypothesis]
             size = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
@@ -35,12 +36,32 @@ def smallest_detectable(search: Search, chosen: list[int]) -> dict[str, dict[int
 
 
 def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float) -> float | None:
-    """The first parameter that the first coefficient changes, at that coefficient; None when there is none."""
+    """The first parameter that the first coefficient changes: by how much that coefficient changes it, or its value
+    where the effect's absence is no number (an endless stiffness). None when there is no such parameter."""
     x = np.zeros(len(candidate.columns))
+    absent = hypothesis.effect.parameters(hypothesis.place, candidate.theta, x)
     x[0] = coefficient if candidate.upper[0] > 0.0 else -coefficient
-    small = hypothesis.effect.parameters(hypothesis.place, candidate.theta, x)
-    large = hypothesis.effect.parameters(hypothesis.place, candidate.theta, 2.0 * x)
-    for name, value in small.items():
-        if isinstance(value, float) and value != large[name] and np.isfinite(value):
-            return abs(value)
+    present = hypothesis.effect.parameters(hypothesis.place, candidate.theta, x)
+    for name, value in present.items():
+        without = absent.get(name, np.inf)
+        if isinstance(value, float) and isinstance(without, float) and value != without and np.isfinite(value):
+            return abs(value - without) if np.isfinite(without) else abs(value)
     return None
+
+
+def _effect(search: Search, candidate: int) -> str:
+    design = search.design
+    return design.hypotheses[design.candidates[candidate].hypothesis].effect.name
+
+
+def _strongest(search: Search) -> dict[str, float]:
+    """Of each effect, the largest energy of a first column anywhere: what is a millionth of a millionth of it is
+    rounding."""
+    result: dict[str, float] = {}
+    model = search.model([])
+    for group in search.groups:
+        _, energy = model.remaining(group)
+        for k, number in enumerate(group.candidates):
+            name = _effect(search, int(number))
+            result[name] = max(result.get(name, 0.0), float(energy[k, 0]))
+    return result

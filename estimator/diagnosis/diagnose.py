@@ -155,7 +155,7 @@ def _held_out(
     worst, best = float(before[chosen].sum()), float(after[chosen].sum())
     share = (worst - best) / (worst - noise) if worst > noise else 0.0
     count = len(chosen)
-    return HeldOut(np.sqrt(worst / count), np.sqrt(best / count), float(np.clip(share, -1.0, 1.0)))
+    return HeldOut(float(np.sqrt(worst / count)), float(np.sqrt(best / count)), float(np.clip(share, -1.0, 1.0)))
 
 
 def _notes(evidence: Evidence) -> list[str]:

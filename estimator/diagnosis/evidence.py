@@ -1,4 +1,4 @@
-"""From recordings and the given model to the design, its Gram matrices and their noise: all that a diagnosis rests on."""
+"""From recordings and the given model to all that a diagnosis rests on: the design, its Gram matrices, their noise."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from service.cli import asking, checking, demonstrating, identifying, recorded, serving
+from service.cli import asking, checking, demonstrating, diagnosing, identifying, recorded, serving
 
 app = typer.Typer(
     name="etude",
@@ -28,6 +28,7 @@ app.command("stop")(asking.stop)
 app.command("reset")(asking.reset)
 app.command("run")(asking.run)
 app.add_typer(identifying.app, name="identify")
+app.command("diagnose")(diagnosing.diagnose)
 app.command("recordings")(recorded.recordings)
 app.command("replay")(recorded.replay)
 app.command("recover")(recorded.recover)

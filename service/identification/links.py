@@ -12,18 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from config import InputError, load_installation
-from driver.recording import Recording
+from config import InputError
 from estimator.consistency import consistent_parameters
 from estimator.export import urdf_text
 from estimator.identification import LinkIdentification
 from estimator.links import LinkOptions, identify_links
 from estimator.prediction import torque_history
-from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
-from service.identification.arm_source import ArmSource, arm_source, of_installation
 from service.identification.model_file import write_link_model
-from service.identification.recorded import Source, read_any, source_of, trajectory_of
+from service.identification.read import read_recordings
 from service.identification.request import LinksRequest
 from service.reports.torque_plot import plot_torques
 from service.sessions.store import write_atomically
@@ -50,7 +47,8 @@ def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> L
 
     Raises InputError naming file, line and column for recordings that cannot be used.
     """
-    body, arm, sources, trajectories, hold_out, notes = _read(request, tell)
+    read = read_recordings(request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell)
+    body, arm, trajectories, hold_out, notes = read.body, read.arm, read.trajectories, read.hold_out, [*read.notes]
     tell("estimating", 0.4)
     options = LinkOptions(estimator=request.estimator, band_hz=request.band_hz)
     result = identify_links(body, trajectories, options, hold_out)
@@ -60,7 +58,7 @@ def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> L
     except OSError as error:
         raise InputError(str(request.directory), f"cannot be made ({error.strerror})", "choose another --out") from None
     model = request.directory / "links.toml"
-    write_link_model(model, arm.name, result, sources)
+    write_link_model(model, arm.name, result, read.sources)
     urdf = _write_urdf(request.directory / "links.urdf", result, notes)
     plot = request.directory / "torques.png"
     plot_torques(plot, arm.name, result, (hold_out or trajectories)[0], held_out=bool(hold_out))
@@ -100,49 +98,3 @@ def _unfiltered_error(result: LinkIdentification, trajectories: Sequence[Traject
     histories = [torque_history(result, trajectory) for trajectory in trajectories]
     residual = sum(float(np.sum((h.measured - h.predicted) ** 2)) for h in histories)
     return 100.0 * float(np.sqrt(residual / sum(float(np.sum(h.measured**2)) for h in histories)))
-
-
-def _read(
-    request: LinksRequest, tell: Tell
-) -> tuple[RigidBody, ArmSource, list[Source], list[Trajectory], list[Trajectory], list[str]]:
-    paths = [*request.recordings, *request.hold_out]
-    if not request.recordings:
-        raise InputError("recordings", "there are none", "give at least one")
-    for path in request.hold_out:
-        if path.resolve() in {other.resolve() for other in request.recordings}:
-            raise InputError(str(path), "is both learnt from and held out", "hold out a recording of its own")
-    arm = arm_source(request.arm) if request.arm is not None else None
-    body: RigidBody | None = None
-    sources: list[Source] = []
-    read: list[Trajectory] = []
-    notes: list[str] = []
-    for k, path in enumerate(paths):
-        tell(f"reading {path.name}", 0.4 * k / len(paths))
-        recording = read_any(path, arm, request.topic)
-        if arm is None:
-            arm = _recorded_arm(recording, path)
-        if body is None:
-            body = arm.rigid_body(recording.joints, request.hold)
-        notes += [f"{path.name}: {note}" for note in recording.notes]
-        sources.append(source_of(path, recording))
-        read.append(trajectory_of(recording, body, str(path)))
-    assert arm is not None
-    assert body is not None
-    if body.held:
-        held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
-        notes.append(f"joints of the URDF that were not recorded are held still: {held}")
-    count = len(request.recordings)
-    return body, arm, sources[:count], read[:count], read[count:], notes
-
-
-def _recorded_arm(recording: Recording, path: Path) -> ArmSource:
-    if recording.arm is None:
-        raise InputError(str(path), "does not say which arm it is of", "name it: --arm NAME, or --arm FILE.urdf")
-    if recording.installation is not None and recording.installation.path.is_file():
-        return of_installation(recording.installation)
-    try:
-        return of_installation(load_installation(recording.arm))
-    except InputError as error:
-        raise InputError(
-            str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
-        ) from None

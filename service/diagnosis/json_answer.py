@@ -1,0 +1,86 @@
+"""The answer of `diagnose` as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from estimator.diagnosis.answer import Diagnosis, Finding, Quantity
+from estimator.effects import Place
+from service.diagnosis.sentences import sentence_of, summary
+
+
+def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
+    """Plain data: SI units, joints by name."""
+    joints = diagnosis.joints
+    return {
+        "verdict": diagnosis.verdict,
+        "summary": summary(diagnosis),
+        "findings": [_finding(finding, diagnosis) for finding in diagnosis.findings],
+        "unexplained": {
+            joints[joint]: {"share": left.share, "signature": left.signature}
+            for joint, left in diagnosis.unexplained.items()
+        },
+        "torque_residual": {
+            joint: {"before_rms": r.before, "after_rms": r.after, "noise_rms": r.noise}
+            for joint, r in zip(joints, diagnosis.torque_residual, strict=True)
+        },
+        "gain": {
+            "held_out_torque": {
+                "before_rms": diagnosis.held_out.before,
+                "after_rms": diagnosis.held_out.after,
+                "share_of_explainable": diagnosis.held_out.share_of_explainable,
+            },
+            "simulation": None,
+        },
+        "smallest_detectable": {
+            effect: {"arm" if joint is None else joints[joint]: size for joint, size in sizes.items()}
+            for effect, sizes in diagnosis.smallest_detectable.items()
+        },
+        "model": None,
+        "band_hz": diagnosis.band,
+        "notes": [*notes, *diagnosis.notes],
+    }
+
+
+def _finding(finding: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
+    joints, place = diagnosis.joints, finding.place
+    parameters = {name: _quantity(quantity) for name, quantity in finding.parameters.items()}
+    if place.other is not None:
+        parameters["joint_other"] = {"value": joints[place.other], "standard_error": None, "unit": ""}
+    return {
+        "effect": finding.effect,
+        "joint": _joint(place, joints),
+        "channel": place.channel,
+        "status": finding.status,
+        "sentence": sentence_of(finding, joints),
+        "parameters": parameters,
+        "share_of_explainable": finding.share_of_explainable,
+        "evidence": {
+            "log_likelihood_gain": finding.log_likelihood_gain,
+            "false_alarm_probability": finding.false_alarm_probability,
+        },
+        "alternatives": [
+            {
+                "effect": a.effect,
+                "joint": _joint(a.place, joints),
+                "channel": a.place.channel,
+                "log_likelihood_gap": a.log_likelihood_gap,
+            }
+            for a in finding.alternatives
+        ],
+        "next_experiment": None if finding.next_experiment is None else {"sentence": finding.next_experiment},
+    }
+
+
+def _joint(place: Place, joints: Sequence[str]) -> str | None:
+    return None if place.joint is None else joints[place.joint]
+
+
+def _quantity(quantity: Quantity) -> dict[str, Any]:
+    def plain(x: Any) -> Any:
+        return x.tolist() if isinstance(x, np.ndarray) else float(x)
+
+    return {"value": plain(quantity.value), "standard_error": plain(quantity.standard_error), "unit": quantity.unit}

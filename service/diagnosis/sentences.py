@@ -1,0 +1,69 @@
+"""A diagnosis in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimator.diagnosis.answer import Diagnosis, Finding, Quantity
+from estimator.effects import Place
+
+
+def summary(diagnosis: Diagnosis) -> str:
+    """What a person must know first."""
+    if diagnosis.verdict == "clean":
+        return "nothing beyond the noise: the model explains these recordings"
+    parts = [sentence_of(finding, diagnosis.joints) for finding in diagnosis.findings]
+    parts += [
+        f"joint {diagnosis.joints[joint]}: {100 * left.share:.0f} % of what repeats is explained by no known effect "
+        f"({left.signature})"
+        for joint, left in diagnosis.unexplained.items()
+    ]
+    return "; ".join(parts)
+
+
+def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
+    """ "joint 2 has viscous friction: coefficient 3.1 ± 0.2 N·m·s/rad; it explains 86 % of what can be explained"."""
+    values = ", ".join(f"{name} {quantity_text(q)}" for name, q in finding.parameters.items())
+    sentence = (
+        f"{place_text(finding.place, joints)} {effect_text(finding.effect)}: {values}; "
+        f"it explains {100 * finding.share_of_explainable:.0f} % of what can be explained there"
+    )
+    if finding.status == "ambiguous":
+        near = finding.alternatives[0]
+        sentence += f", but so might {effect_text(near.effect)} of {place_text(near.place, joints, verb=False)}"
+    return sentence
+
+
+def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:
+    """``joint elbow has``, or without the verb ``joint elbow``."""
+    if place.joint is not None and place.other is not None:
+        return f"joints {joints[place.joint]} and {joints[place.other]}" + (" have" if verb else "")
+    if place.joint is not None:
+        name = joints[place.joint]
+        return (name if name.startswith("joint") else f"joint {name}") + (" has" if verb else "")
+    what = "the arm" if place.channel is None else f"the {place.channel} channel"
+    return what + (" has" if verb else "")
+
+
+def effect_text(name: str) -> str:
+    """``viscous friction``"""
+    return name.replace("_", " ")
+
+
+def quantity_text(quantity: Quantity) -> str:
+    """``3.1 ± 0.2 N·m``, digits as the error allows."""
+    values, errors = np.atleast_1d(quantity.value), np.atleast_1d(quantity.standard_error)
+    texts = [_with_error(float(v), float(e)) for v, e in zip(values, errors, strict=True)]
+    text = texts[0] if len(texts) == 1 else "(" + ", ".join(texts) + ")"
+    return f"{text} {quantity.unit}".rstrip()
+
+
+def _with_error(value: float, error: float) -> str:
+    if not (np.isfinite(error) and error > 0.0):
+        return f"{value:.3g}"
+    digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 12))
+    if digits > 6 or abs(value) >= 1e6:
+        return f"{value:.3g} ± {error:.2g}"
+    return f"{value:.{digits}f} ± {error:.{digits}f}"

@@ -1,0 +1,85 @@
+"""All recordings that a command names, with the arm that they are of, as the estimator takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from config import InputError, load_installation
+from driver.recording import Recording
+from estimator.rigid_body import RigidBody
+from estimator.trajectory import Trajectory
+from service.identification.arm_source import ArmSource, arm_source, of_installation
+from service.identification.recorded import Source, read_any, source_of, trajectory_of
+
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class ReadRecordings:
+    """What was read: of the arm whose ``body`` all recordings are."""
+
+    body: RigidBody
+    arm: ArmSource
+    sources: tuple[Source, ...]
+    """Of the recordings that are learnt from."""
+    trajectories: tuple[Trajectory, ...]
+    hold_out: tuple[Trajectory, ...]
+    notes: tuple[str, ...]
+
+
+def read_recordings(
+    recordings: Sequence[Path],
+    hold_out: Sequence[Path],
+    arm_named: str | None,
+    hold: Mapping[str, float],
+    topic: str,
+    tell: Tell,
+) -> ReadRecordings:
+    """Reads everything, the recordings to judge on behind those to learn from.
+
+    ``arm_named``: a configured name, an installation or URDF file, or None for the arm that the recordings carry.
+    Raises InputError naming file, line and column for recordings that cannot be used.
+    """
+    paths = [*recordings, *hold_out]
+    if not recordings:
+        raise InputError("recordings", "there are none", "give at least one")
+    for path in hold_out:
+        if path.resolve() in {other.resolve() for other in recordings}:
+            raise InputError(str(path), "is both learnt from and held out", "hold out a recording of its own")
+    arm = arm_source(arm_named) if arm_named is not None else None
+    body: RigidBody | None = None
+    sources: list[Source] = []
+    read: list[Trajectory] = []
+    notes: list[str] = []
+    for k, path in enumerate(paths):
+        tell(f"reading {path.name}", 0.4 * k / len(paths))
+        recording = read_any(path, arm, topic)
+        if arm is None:
+            arm = _recorded_arm(recording, path)
+        if body is None:
+            body = arm.rigid_body(recording.joints, hold)
+        notes += [f"{path.name}: {note}" for note in recording.notes]
+        sources.append(source_of(path, recording))
+        read.append(trajectory_of(recording, body, str(path)))
+    assert arm is not None
+    assert body is not None
+    if body.held:
+        held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
+        notes.append(f"joints of the URDF that were not recorded are held still: {held}")
+    count = len(recordings)
+    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(read[:count]), tuple(read[count:]), tuple(notes))
+
+
+def _recorded_arm(recording: Recording, path: Path) -> ArmSource:
+    if recording.arm is None:
+        raise InputError(str(path), "does not say which arm it is of", "name it: --arm NAME, or --arm FILE.urdf")
+    if recording.installation is not None and recording.installation.path.is_file():
+        return of_installation(recording.installation)
+    try:
+        return of_installation(load_installation(recording.arm))
+    except InputError as error:
+        raise InputError(
+            str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
+        ) from None

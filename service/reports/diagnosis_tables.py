@@ -1,0 +1,54 @@
+"""A diagnosis on the terminal: the sentences, the alternatives, the residual torques."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import RenderableType
+from rich.table import Table
+
+from service.reports.link_tables import figure
+
+
+def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
+    """From the JSON answer of `diagnose`."""
+    shown: list[RenderableType] = [f"{answer['verdict']}: {answer['summary']}"]
+    if answer["findings"]:
+        shown.append(_findings(answer["findings"]))
+    shown += [
+        f"to decide {finding['effect']}: {finding['next_experiment']['sentence']}"
+        for finding in answer["findings"]
+        if finding["next_experiment"]
+    ]
+    shown.append(_residuals(answer["torque_residual"]))
+    held_out = answer["gain"]["held_out_torque"]
+    shown.append(
+        f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} N·m rms, "
+        f"{100 * held_out['share_of_explainable']:.0f} % of what can be explained"
+    )
+    return shown
+
+
+def _findings(findings: list[dict[str, Any]]) -> Table:
+    table = Table(
+        "cause", "where", "status", "evidence [nats]", "false alarm", "nearest alternative", "behind", box=None
+    )
+    for finding in findings:
+        nearest = finding["alternatives"][0] if finding["alternatives"] else None
+        table.add_row(
+            finding["effect"],
+            finding["joint"] or finding["channel"] or "arm",
+            finding["status"],
+            f"{finding['evidence']['log_likelihood_gain']:.0f}",
+            f"{finding['evidence']['false_alarm_probability']:.1g}",
+            "–" if nearest is None else f"{nearest['effect']} {nearest['joint'] or nearest['channel'] or 'arm'}",
+            "–" if nearest is None else f"{nearest['log_likelihood_gap']:.1f}",
+        )
+    return table
+
+
+def _residuals(residuals: dict[str, dict[str, float]]) -> Table:
+    table = Table("torque residual [N·m rms]", "before", "after", "noise", box=None)
+    for joint, r in residuals.items():
+        table.add_row(joint, figure(r["before_rms"]), figure(r["after_rms"]), figure(r["noise_rms"]))
+    return table

@@ -1,0 +1,81 @@
+"""The diagnosis on simulated recordings of a six-axis arm: what it names, what it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.diagnose import diagnose
+
+Array = NDArray[np.float64]
+Law = Callable[[Array, Array, Array], Array]
+Recorder = Callable[..., list[Trajectory]]
+
+NOISE = np.array([0.9, 1.2, 0.7, 0.3, 0.15, 0.1])
+"""N·m, white."""
+
+
+@pytest.fixture(scope="module")
+def record(
+    six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> Callable[..., list[Trajectory]]:
+    """Two playings of two motions, the arm's link parameters being off by some percent, ``law(q, dq, ddq)`` added."""
+
+    def make(law: Law | None = None, seed: int = 0, playings: int = 2) -> list[Trajectory]:
+        random = np.random.default_rng(seed)
+        true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
+        result = []
+        for motion in range(2):
+            t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 250.0, 10 * seed + motion)
+            tau = inverse_dynamics(six_axis, true, q, dq, ddq) + (0.0 if law is None else law(q, dq, ddq))
+            for playing in range(playings):
+                measured = q + 1e-6 * random.normal(size=q.shape)
+                noise = NOISE * random.normal(size=q.shape)
+                result.append(Trajectory(t, measured, tau + noise, name=f"motion {motion}, playing {playing}"))
+        return result
+
+    return make
+
+
+def on(joint: int, torque: Array, like: Array) -> Array:
+    result = np.zeros_like(like)
+    result[:, joint] = torque
+    return result
+
+
+def test_a_clean_arm_is_clean(six_axis: RigidBody, record: Recorder) -> None:
+    found = diagnose(six_axis, record())
+    assert found.verdict == "clean"
+    assert found.findings == ()
+    sizes = found.smallest_detectable["viscous_friction"]
+    assert set(sizes) == set(range(6))
+    assert 0.0 < sizes[5] < sizes[0]
+
+
+def test_friction_of_one_joint_is_named_with_its_size(six_axis: RigidBody, record: Recorder) -> None:
+    found = diagnose(six_axis, record(lambda q, dq, ddq: on(2, 0.5 * dq[:, 2], dq)))
+    assert [(f.effect, f.place.joint, f.status) for f in found.findings] == [("viscous_friction", 2, "named")]
+    coefficient = found.findings[0].parameters["coefficient"]
+    assert abs(float(coefficient.value) - 0.5) < 4.0 * float(coefficient.standard_error) < 0.2
+    assert found.torque_residual[2].after < found.torque_residual[2].before
+    assert found.held_out.share_of_explainable > 0.7
+
+
+def test_two_causes_at_once_are_both_named(six_axis: RigidBody, record: Recorder) -> None:
+    def law(q: Array, dq: Array, ddq: Array) -> Array:
+        return on(1, 0.8 * np.tanh(dq[:, 1] / 0.005), dq) + on(4, 0.05 * ddq[:, 4], dq)
+
+    found = diagnose(six_axis, record(law, seed=1))
+    named = {(f.effect, f.place.joint) for f in found.findings}
+    assert ("coulomb_friction", 1) in named
+    assert ("rotor_inertia", 4) in named
+
+
+def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: RigidBody, record: Recorder) -> None:
+    found = diagnose(six_axis, record(playings=1))
+    assert found.verdict == "clean"
+    assert any("no motion was played twice" in note for note in found.notes)
