@@ -52,6 +52,8 @@ class Arm(Section):
     gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
     identification_motions: tuple[str, ...] = ()
     """Motions that excite the links, by name or file: what `etude identify links` plays when given no recordings."""
+    load_identification_motions: tuple[str, ...] = ()
+    """Motions that turn a load against gravity and swing it: what `etude identify load` plays when given none."""
 
 
 class CycleTiming(Section):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from estimator.delays import Delay
 from estimator.loads.fit import LoadFit
 from estimator.loads.parameters import Measured, RigidLoad
 from estimator.loads.rigidity import Rigidity
@@ -33,13 +34,16 @@ class LoadEstimate:
     samples: int
     rows: int
     form: Form
+    delay: Delay
+    """Of the sensor against the angles; the wrench was taken back by it."""
     rigid: Rigidity
     warnings: tuple[str, ...]
 
     @property
     def offset(self) -> Measured:
-        """(6,) N, N·m at session time zero; NaN for channels that were not fitted."""
-        return self._sensor("offset")
+        """(6,) N, N·m at session time zero; NaN for channels that were not fitted. With one in each recording: the
+        first's."""
+        return self._sensor("offset0")
 
     @property
     def drift(self) -> Measured:
@@ -96,6 +100,11 @@ class LoadEstimate:
             },
             "offset": _entry(self.offset, "N, N·m", held),
             "drift": _entry(self.drift, "N/s, N·m/s", held),
+            "wrench_delay": {
+                "value": self.delay.value,
+                "standard_error": None if held else self.delay.standard_error,
+                "unit": "s",
+            },
             "samples": self.samples,
             "rows": self.rows,
             "band_hz": self.band,
@@ -107,7 +116,7 @@ class LoadEstimate:
     def _sensor(self, kind: str) -> Measured:
         value, covariance = np.full(6, np.nan), np.diag(np.full(6, np.inf))
         for place, name in enumerate(self.layout.names, 10):
-            if name.startswith(kind):
+            if name.startswith(f"{kind} "):
                 channel = CHANNELS.index(name.split()[1])
                 value[channel], covariance[channel, channel] = self.fit.value[place], self.fit.covariance[place, place]
         return Measured(value, covariance)

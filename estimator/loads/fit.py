@@ -48,6 +48,10 @@ class LoadFit:
     """(channels, LAGS) of the residual rows, N² or N²·m²."""
     power: Array
     """(channels,) mean square of the measured rows."""
+    weights: Array
+    """(channels, LAGS) on the lagged sums: the inverse spectrum of each channel's noise."""
+    chosen: list[int]
+    """Unknowns that were solved for; the others are zero in `filled`."""
 
 
 def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) -> LoadFit:
@@ -58,17 +62,17 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     """
     power = np.array([_last(sums, k, 0) / sums.rows for k in range(len(layout.channels))])
     weights = np.array([white_weight(max(p, np.finfo(float).tiny)) for p in power])
-    plain = _assemble(layout, sums, weights, believed)
+    plain = weighted_equations(layout, sums, weights, believed)
     chosen = excited(plain, layout.size, _EXCITED)
     for _ in range(_REWEIGHTINGS):
-        unknowns = _solved(_assemble(layout, sums, weights, believed), chosen)
+        unknowns = _solved(weighted_equations(layout, sums, weights, believed), chosen)
         autocovariance = _residual_autocovariance(layout, sums, unknowns)
         fitted = len(chosen) / len(layout.channels)
         inflated = autocovariance * sums.rows / max(1.0, sums.rows - fitted)
         inflated[:, 0] = np.maximum(inflated[:, 0], 1e-24 * power + np.finfo(float).tiny)
         orders = [_order(row, sums.rows) for row in inflated]
         weights = np.array([_weight(row, order) for row, order in zip(inflated, orders, strict=True)])
-    equations = _assemble(layout, sums, weights, believed)
+    equations = weighted_equations(layout, sums, weights, believed)
     unknowns = _solved(equations, chosen)
     told = _told(plain)
     covariance = np.full((layout.size, layout.size), np.nan)
@@ -80,10 +84,11 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     degrees = max(1.0, sums.rows - len(chosen) / len(layout.channels))
     # A spectrum from an autoregressive model of order p over N rows is as sure as a variance from N/2p values.
     degrees = min([degrees, *(sums.rows / (2.0 * order) for order in orders if order)])
-    return LoadFit(value, covariance, degrees, told, unknowns, autocovariance, power)
+    return LoadFit(value, covariance, degrees, told, unknowns, autocovariance, power, weights, chosen)
 
 
-def _assemble(layout: LoadLayout, sums: Sums, weights: Array, believed: Sequence[Believed]) -> NormalEquations:
+def weighted_equations(layout: LoadLayout, sums: Sums, weights: Array, believed: Sequence[Believed]) -> NormalEquations:
+    """Normal equations with each channel's lagged sums under its ``weights`` (channels, LAGS), and what is believed."""
     size, count = layout.size, len(sums.batches)
     matrix, right = np.zeros((count, size, size)), np.zeros((count, size))
     for k in range(len(layout.channels)):

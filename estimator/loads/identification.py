@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
+from estimator.delays import Delay
 from estimator.filtering import motion_band, plan_filter
+from estimator.loads.delay import SHIFTS, UNKNOWN_DELAY, fit_with_delay
 from estimator.loads.estimate import LoadEstimate
-from estimator.loads.fit import Believed, LoadFit, fit_load
+from estimator.loads.fit import Believed, LoadFit
 from estimator.loads.parameters import RigidLoad
 from estimator.loads.recording import LoadRecording
 from estimator.loads.rigidity import ResidualRows, rigidity
@@ -42,13 +44,15 @@ class Tare:
 class LoadOptions:
     """``band_hz`` None: taken from the motion. ``offset``: what of the sensor is estimated with the load.
 
-    ``sensor_range`` (6,) N, N·m: samples at the limit are left out and told.
+    ``sensor_range`` (6,) N, N·m: samples at the limit are left out and told. ``delay``: what is believed of how late
+    the sensor is; it is estimated with the load, unless its standard error is zero.
     """
 
     form: Form = "differentiated"
     offset: Offset = "constant"
     band_hz: float | None = None
     sensor_range: Array | None = None
+    delay: Delay = UNKNOWN_DELAY
 
 
 def identify_load(
@@ -81,11 +85,11 @@ def identify_load(
     if not measured.all():
         missing = ", ".join(name for name, there in zip(CHANNELS, measured, strict=True) if not there)
         warnings.append(f"{missing} not measured: dropped")
-    layout = LoadLayout(tuple(np.flatnonzero(measured).tolist()), options.offset)
+    layout = LoadLayout(tuple(np.flatnonzero(measured).tolist()), options.offset, len(recordings))
     sums = Sums()
     for number, recording in enumerate(recordings):
         plan = plan_filter(recording.motion.rate, band, stride_limit=1)
-        for rows in load_rows(body, frame, layout, recording, plan, options.form):
+        for rows in load_rows(body, frame, layout, recording, number, plan, options.form, SHIFTS):
             sums.add(rows.columns, number)
             sums.samples += rows.samples
     if sums.rows < _LEAST_ROWS:
@@ -94,8 +98,11 @@ def identify_load(
             f"have {sums.rows} rows of gapless motion at {band:.3g} Hz, {_LEAST_ROWS} are needed",
             "record longer motion without gaps",
         )
-    fit = fit_load(layout, sums, _believed(layout, tares, prior, hand))
-    residuals = [_residuals(body, frame, layout, recording, band, options.form, fit) for recording in recordings]
+    fit, delay = fit_with_delay(layout, sums, _believed(layout, tares, prior, hand), options.delay)
+    residuals = [
+        _residuals(body, frame, layout, recording, number, band, options.form, fit, delay.value)
+        for number, recording in enumerate(recordings)
+    ]
     load = RigidLoad(fit.value[:10], fit.covariance[:10, :10])
     return LoadEstimate(
         load=load if hand is None else load.without(hand),
@@ -105,6 +112,7 @@ def identify_load(
         samples=sums.samples,
         rows=sums.rows,
         form=options.form,
+        delay=delay,
         rigid=rigidity(residuals, fit, [r.motion.name for r in recordings]),
         warnings=tuple(warnings),
     )
@@ -121,8 +129,10 @@ def _check(body: RigidBody, recordings: Sequence[LoadRecording], tares: Sequence
                 f"has {joints} joints, the arm has {body.n} ({', '.join(body.joints)})",
                 "select the arm's joints, or hold the others",
             )
-    if tares and options.offset == "none":
-        raise InputError("tares", "say what the sensor's offsets are, but none are estimated", "let offsets be fitted")
+    if tares and options.offset in ("none", "each"):
+        raise InputError(
+            "tares", "say what the sensor's offset is, but no common one is estimated", "fit one, constant or drifting"
+        )
     for tare in tares:
         if np.shape(tare.offset) != (6,) or np.shape(tare.standard_error) != (6,):
             raise InputError("tares", "an offset or its standard error is not six numbers", "give (6,) each")
@@ -175,14 +185,16 @@ def _residuals(
     frame: str,
     layout: LoadLayout,
     recording: LoadRecording,
+    number: int,
     band: float,
     form: Form,
     fit: LoadFit,
+    delay: float,
 ) -> ResidualRows:
     """Second pass: what the fit leaves of each row, and what it explains by the load."""
     plan = plan_filter(recording.motion.rate, band, stride_limit=1)
     left, explained, still = [], [], []
-    for rows in load_rows(body, frame, layout, recording, plan, form):
+    for rows in load_rows(body, frame, layout, recording, number, plan, form, (delay,)):
         predicted = np.array([fit.filled[layout.unknowns(k)] @ c[:-1] for k, c in enumerate(rows.columns)])
         by_load = np.array([fit.filled[:10] @ c[:10] for c in rows.columns])
         left.append(np.array([c[-1] for c in rows.columns]) - predicted)

@@ -1,7 +1,8 @@
-"""From recordings of a load to rows: for each channel of the wrench [parameters | offset | drift | wrench].
+"""From recordings of a load to rows: for each channel of the wrench [parameters | sensor | wrench].
 
 Every column goes through the same linear operation as the wrench: either the low-pass that also decimates
-(differentiated form, Eq. 3.12), or the mean over consecutive windows (integrated form, Eq. 3.21 to 3.23).
+(differentiated form, Eq. 3.12), or the same low-pass and then the mean over consecutive windows (integrated form,
+Eq. 3.21 to 3.23).
 """
 
 from __future__ import annotations
@@ -11,20 +12,24 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from estimator.filtering import Decimator, FilterPlan, resample, smooth_motion
 from estimator.loads.frame_motion import FrameMotion, frame_motion
+from estimator.loads.integrated import integrated_columns, lost_samples
 from estimator.loads.recording import LoadRecording
-from estimator.loads.wrench_regressor import CHANNELS, integrated_regressor, window_means, wrench_regressor
+from estimator.loads.wrench_regressor import CHANNELS, wrench_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK
 
 Array = NDArray[np.float64]
 
 Form = Literal["differentiated", "integrated"]
-Offset = Literal["none", "constant", "drift"]
+Offset = Literal["none", "constant", "drift", "each"]
+"""What of the sensor is estimated with the load: ``drift``, an offset that changes linearly over the session;
+``each``, an offset of its own in every recording."""
 
 _REST = 0.01
 """Share of the recording's peak speed below which the arm counts as still."""
@@ -32,17 +37,24 @@ _REST = 0.01
 
 @dataclass(frozen=True)
 class LoadLayout:
-    """Which channels are fitted, and the unknowns: ten parameters, then offsets, then drifts of those channels."""
+    """Which channels are fitted, and the unknowns: ten parameters, then the sensor's, kind after kind, of those
+    channels. ``recordings``: how many there are, for offsets of each."""
 
     channels: tuple[int, ...]
     offset: Offset
+    recordings: int = 1
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What is unknown of each channel of the sensor: offsets, then a drift where one is fitted."""
+        if self.offset == "each":
+            return tuple(f"offset{number}" for number in range(self.recordings))
+        return {"none": (), "constant": ("offset0",), "drift": ("offset0", "drift")}[self.offset]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the unknowns of the sensor, in the order of the solution."""
-        mine = [CHANNELS[c] for c in self.channels]
-        offsets = [f"offset {name}" for name in mine] if self.offset != "none" else []
-        return tuple(offsets + ([f"drift {name}" for name in mine] if self.offset == "drift" else []))
+        return tuple(f"{kind} {CHANNELS[c]}" for kind in self.kinds for c in self.channels)
 
     @property
     def size(self) -> int:
@@ -50,8 +62,13 @@ class LoadLayout:
 
     def unknowns(self, k: int) -> list[int]:
         """Where the columns of the k-th fitted channel stand among all unknowns."""
-        extra = len(self.names) // len(self.channels)
-        return [*range(10), *(10 + k + len(self.channels) * j for j in range(extra))]
+        return [*range(10), *(10 + k + len(self.channels) * j for j in range(len(self.kinds)))]
+
+    def sensor_columns(self, clock: Array, number: int) -> list[Array]:
+        """Columns of the sensor's unknowns for samples at session times ``clock`` s of recording ``number``."""
+        if self.offset == "each":
+            return [np.full_like(clock, float(other == number)) for other in range(self.recordings)]
+        return [np.ones_like(clock), clock][: len(self.kinds)]
 
 
 @dataclass(frozen=True)
@@ -59,20 +76,36 @@ class LoadRows:
     """Rows of one gapless segment."""
 
     columns: list[Array]
-    """For each fitted channel (columns + 1, rows), the wrench last."""
+    """For each fitted channel (columns + shifts, rows), the wrench at each shift last."""
     still: NDArray[np.bool_]
     """(rows,) where the arm is at rest."""
+    t: Array
+    """(rows,) s on the recording's clock."""
     samples: int
     """Of the recording that are in these rows."""
 
 
 def load_rows(
-    body: RigidBody, frame: str, layout: LoadLayout, recording: LoadRecording, plan: FilterPlan, form: Form
+    body: RigidBody,
+    frame: str,
+    layout: LoadLayout,
+    recording: LoadRecording,
+    number: int,
+    plan: FilterPlan,
+    form: Form,
+    shifts: ArrayLike = (0.0,),
 ) -> Iterator[LoadRows]:
-    """Rows of a recording, segment by segment, so that memory does not grow with its length."""
-    channels = np.array(layout.channels)
-    for piece in recording.segments(channels, CHUNK, 2 * plan.edge):
-        if len(piece) < 2 * plan.edge + 4 * plan.decimation:
+    """Rows of recording ``number``, segment by segment, so that memory does not grow with its length.
+
+    The wrench that stands beside the motion at t was measured at t + shift, s.
+    """
+    channels, shifts = np.array(layout.channels), np.asarray(shifts, dtype=float)
+    edge = max(plan.edge, int(np.ceil(np.abs(shifts).max() * plan.rate)) + 1)
+    least, first = 4 * plan.decimation, 0
+    if form == "integrated":
+        least, first = least + lost_samples(plan.decimation), (lost_samples(plan.decimation) + plan.decimation) // 2
+    for piece in recording.segments(channels, CHUNK, 2 * edge):
+        if len(piece) < 2 * edge + least:
             continue
         t = recording.motion.t[piece]
         q, dq, ddq = (
@@ -80,29 +113,38 @@ def load_rows(
             for x in (recording.motion.q, recording.motion.dq, recording.motion.ddq)
         )
         assert q is not None
-        inside = slice(plan.edge, len(q) - plan.edge)
-        wrench = resample(t, recording.wrench[np.ix_(piece, channels)], plan.rate)[inside]
+        inside = np.arange(edge, len(q) - edge)
+        measured = resample(t, recording.wrench[np.ix_(piece, channels)], plan.rate)
         smooth = smooth_motion(plan, q, dq, ddq)
-        motion = frame_motion(body, frame, smooth.q, smooth.dq, smooth.ddq)
-        clock = recording.session_start + t[0] + np.arange(len(q))[inside] / plan.rate
-        still = _still(smooth.dq, plan.decimation)
-        columns = _filtered(layout, motion, wrench, clock, plan, form)
+        kept = slice(edge - plan.edge, edge - plan.edge + len(inside))
+        motion = frame_motion(body, frame, smooth.q[kept], smooth.dq[kept], smooth.ddq[kept])
+        clock = t[0] + inside / plan.rate
+        right = [*layout.sensor_columns(recording.session_start + clock, number)]
+        wrenches = _shifted(measured, inside, shifts * plan.rate)
+        columns = _filtered(layout, motion, right, wrenches, plan, form)
         rows = columns[0].shape[1]
-        yield LoadRows(columns, still[:: plan.decimation][:rows], len(piece))
+        still = _still(smooth.dq[kept], plan.decimation)[first :: plan.decimation][:rows]
+        yield LoadRows(columns, still, clock[first :: plan.decimation][:rows], len(piece))
+
+
+def _shifted(measured: Array, inside: NDArray[np.intp], shifts: Array) -> list[Array]:
+    """The channels at each shift, in samples: (samples, channels)."""
+    if not np.any(shifts):
+        return [measured[inside]]
+    spline = CubicSpline(np.arange(len(measured), dtype=float), measured)
+    return [np.asarray(spline(inside + shift)) for shift in shifts]
 
 
 def _filtered(
-    layout: LoadLayout, motion: FrameMotion, wrench: Array, clock: Array, plan: FilterPlan, form: Form
+    layout: LoadLayout, motion: FrameMotion, sensor: list[Array], wrenches: list[Array], plan: FilterPlan, form: Form
 ) -> list[Array]:
-    sensor = [np.ones_like(clock), clock][: {"none": 0, "constant": 1, "drift": 2}[layout.offset]]
-    window = plan.decimation
     if form == "integrated":
-        regressor = integrated_regressor(motion, plan.rate, window)
-        sensor = [window_means(x, window) for x in sensor]
-        wrench = window_means(wrench, window)
-        return [np.vstack([regressor[:, c].T, *sensor, wrench[:, k]]) for k, c in enumerate(layout.channels)]
-    regressor, decimate = wrench_regressor(motion), Decimator(window)
-    return [decimate(np.vstack([regressor[:, c].T, *sensor, wrench[:, k]])) for k, c in enumerate(layout.channels)]
+        return integrated_columns(layout.channels, motion, sensor, wrenches, plan)
+    regressor, decimate = wrench_regressor(motion), Decimator(plan.decimation)
+    return [
+        decimate(np.vstack([regressor[:, c].T, *sensor, *(w[:, k] for w in wrenches)]))
+        for k, c in enumerate(layout.channels)
+    ]
 
 
 def _still(dq: Array, decimation: int) -> NDArray[np.bool_]:
