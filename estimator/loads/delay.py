@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from estimator.delays import Delay
 from estimator.loads.fit import Believed, LoadFit, fit_load, weighted_equations
-from estimator.loads.rows import LoadLayout
+from estimator.loads.layout import LoadLayout
 from estimator.sums import Batch, Sums
 
 Array = NDArray[np.float64]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from estimator.delays import Delay
+from estimator.loads.entries import entry, load_entries, load_warnings
 from estimator.loads.fit import LoadFit
+from estimator.loads.layout import LoadLayout
 from estimator.loads.parameters import Measured, RigidLoad
 from estimator.loads.rigidity import Rigidity
-from estimator.loads.rows import Form, LoadLayout
-from estimator.loads.wrench_regressor import CHANNELS
-from estimator.rigid_body import PARAMETERS
+from estimator.loads.rows import Form
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class LoadEstimate:
     def offset(self) -> Measured:
         """(6,) N, N·m at session time zero; NaN for channels that were not fitted. With one in each recording: the
         first's."""
-        return self._sensor("offset0")
+        return self._sensor("offset 0" if self.layout.offset_of_each else "offset")
 
     @property
     def drift(self) -> Measured:
@@ -55,8 +55,8 @@ class LoadEstimate:
         """Of each fitted channel: ``rms`` N or N·m in the band, ``relative`` to the measured wrench."""
         rms, power = np.sqrt(self.fit.autocovariance[:, 0]), np.sqrt(self.fit.power)
         return {
-            CHANNELS[c]: {"rms": float(r), "relative": float(r / p) if p > 0.0 else 0.0}
-            for c, r, p in zip(self.layout.channels, rms, power, strict=True)
+            name: {"rms": float(r), "relative": float(r / p) if p > 0.0 else 0.0}
+            for name, r, p in zip(self.layout.names, rms, power, strict=True)
         }
 
     def interval(self, measured: Measured, level: float = 0.95) -> Array:
@@ -80,17 +80,8 @@ class LoadEstimate:
         """The answer of ``identify load``; what the data do not tell is null. Intervals of a load that is not rigid
         mean nothing: its standard errors are withheld."""
         held = self.rigid.verdict == "not rigid"
-        axes = self.load.principal_axes
         return {
-            "mass": _entry(self.load.mass, "kg", held),
-            "centre": _entry(self.load.centre, "m", held),
-            "inertia": _entry(self.load.inertia, "kg·m²", held),
-            "principal_moments": _entry(self.load.principal_moments, "kg·m²", held),
-            "principal_axes": {
-                "value": plain(np.where(axes.told[:, None], axes.value, np.nan)),
-                "standard_error": plain(np.full(3, np.nan) if held else axes.standard_error),
-                "unit": "rad",
-            },
+            **load_entries(self.load, held),
             "wrench_residual": self.wrench_residual,
             "rigid": {
                 "verdict": self.rigid.verdict,
@@ -98,8 +89,8 @@ class LoadEstimate:
                 "noise_from": self.rigid.noise_from,
                 "detectable_share": self.rigid.detectable,
             },
-            "offset": _entry(self.offset, "N, N·m", held),
-            "drift": _entry(self.drift, "N/s, N·m/s", held),
+            "offset": entry(self.offset, "N, N·m", held),
+            "drift": entry(self.drift, "N/s, N·m/s", held),
             "wrench_delay": {
                 "value": self.delay.value,
                 "standard_error": None if held else self.delay.standard_error,
@@ -115,44 +106,11 @@ class LoadEstimate:
 
     def _sensor(self, kind: str) -> Measured:
         value, covariance = np.full(6, np.nan), np.diag(np.full(6, np.inf))
-        for place, name in enumerate(self.layout.names, 10):
-            if name.startswith(f"{kind} "):
-                channel = CHANNELS.index(name.split()[1])
-                value[channel], covariance[channel, channel] = self.fit.value[place], self.fit.covariance[place, place]
+        if kind in self.layout.kinds:
+            place, channels = self.layout.place(kind), list(self.layout.channels)
+            value[channels] = self.fit.value[place]
+            covariance[np.ix_(channels, channels)] = self.fit.covariance[place, place]
         return Measured(value, covariance)
-
-
-def load_warnings(load: RigidLoad) -> list[str]:
-    """What of a load cannot be told, and what would tell it."""
-    result = []
-    unknown = [name for name, x in zip(PARAMETERS, load.parameters, strict=True) if not np.isfinite(x)]
-    if unknown:
-        result.append(f"the motion does not tell {', '.join(unknown)}: turn the load faster, about all three axes")
-        return result
-    moments = load.principal_moments
-    if not np.all(moments.value > 2.0 * moments.standard_error):
-        result.append("principal moments are within their errors of zero: turn the load faster, about all three axes")
-    elif moments.value[0] > moments.value[1] + moments.value[2] + 2.0 * np.sum(moments.standard_error):
-        result.append("the principal moments are those of no real body: check the sensor's frame and calibration")
-    told = load.principal_axes.told
-    if not told.all():
-        which = ", ".join(str(k + 1) for k in np.flatnonzero(~told))
-        result.append(f"principal axes {which} cannot be told: their moments are equal within their errors")
-    if load.parameters[0] < 2.0 * load.mass.standard_error:
-        result.append("the mass is within its error of zero: is there a load, and is the wrench's sign right?")
-    return result
-
-
-def plain(x: Array) -> Any:
-    """Numbers and lists for JSON; what is not finite is null."""
-    if np.ndim(x) == 0:
-        return float(x) if np.isfinite(x) else None
-    return [plain(row) for row in x]
-
-
-def _entry(measured: Measured, unit: str, held: bool) -> dict[str, Any]:
-    error = np.full(np.shape(measured.value), np.nan) if held else measured.standard_error
-    return {"value": plain(measured.value), "standard_error": plain(error), "unit": unit}
 
 
 def _rigid_warning(rigid: Rigidity) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from estimator.loads.rows import LoadLayout
+from estimator.loads.layout import LoadLayout
 from estimator.normal_equations import NormalEquations, excited
 from estimator.sums import LAGS, Batch, Sums
 from estimator.whitening import white_weight, whitening_weight
@@ -54,23 +54,26 @@ class LoadFit:
     """Unknowns that were solved for; the others are zero in `filled`."""
 
 
-def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) -> LoadFit:
+def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = (), shares: Array | None = None) -> LoadFit:
     """Iteratively reweighted, whitened least squares; at least 8 rows.
+
+    ``shares`` (channels,): of each channel's rows that count, where the others are zeros throughout.
 
     The covariance is the inverse of the information with the residual's own autoregressive spectrum, so it holds for
     coloured, stationary noise.
     """
-    power = np.array([_last(sums, k, 0) / sums.rows for k in range(len(layout.channels))])
+    rows = sums.rows * (np.ones(len(layout.channels)) if shares is None else np.maximum(shares, 1.0 / sums.rows))
+    power = np.array([_last(sums, k, 0) / rows[k] for k in range(len(layout.channels))])
     weights = np.array([white_weight(max(p, np.finfo(float).tiny)) for p in power])
     plain = weighted_equations(layout, sums, weights, believed)
     chosen = excited(plain, layout.size, _EXCITED)
     for _ in range(_REWEIGHTINGS):
         unknowns = _solved(weighted_equations(layout, sums, weights, believed), chosen)
-        autocovariance = _residual_autocovariance(layout, sums, unknowns)
+        autocovariance = _residual_autocovariance(layout, sums, unknowns, rows)
         fitted = len(chosen) / len(layout.channels)
-        inflated = autocovariance * sums.rows / max(1.0, sums.rows - fitted)
+        inflated = autocovariance * (rows / np.maximum(1.0, rows - fitted))[:, None]
         inflated[:, 0] = np.maximum(inflated[:, 0], 1e-24 * power + np.finfo(float).tiny)
-        orders = [_order(row, sums.rows) for row in inflated]
+        orders = [_order(row, int(count)) for row, count in zip(inflated, rows, strict=True)]
         weights = np.array([_weight(row, order) for row, order in zip(inflated, orders, strict=True)])
     equations = weighted_equations(layout, sums, weights, believed)
     unknowns = _solved(equations, chosen)
@@ -80,10 +83,12 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     covariance[~told], covariance[:, ~told] = np.nan, np.nan
     covariance[~told, ~told] = np.inf
     value = np.where(told, unknowns, np.nan)
-    autocovariance = _residual_autocovariance(layout, sums, unknowns)
-    degrees = max(1.0, sums.rows - len(chosen) / len(layout.channels))
+    autocovariance = _residual_autocovariance(layout, sums, unknowns, rows)
+    degrees = max(1.0, float(rows.max()) - len(chosen) / len(layout.channels))
     # A spectrum from an autoregressive model of order p over N rows is as sure as a variance from N/2p values.
-    degrees = min([degrees, *(sums.rows / (2.0 * order) for order in orders if order)])
+    degrees = min(
+        [degrees, *(float(count) / (2.0 * order) for order, count in zip(orders, rows, strict=True) if order)]
+    )
     return LoadFit(value, covariance, degrees, told, unknowns, autocovariance, power, weights, chosen)
 
 
@@ -152,12 +157,12 @@ def _told(equations: NormalEquations) -> NDArray[np.bool_]:
     return told
 
 
-def _residual_autocovariance(layout: LoadLayout, sums: Sums, unknowns: Array) -> Array:
+def _residual_autocovariance(layout: LoadLayout, sums: Sums, unknowns: Array, rows: Array) -> Array:
     result = np.zeros((len(layout.channels), LAGS))
     for k in range(len(layout.channels)):
         direction = np.append(-unknowns[layout.unknowns(k)], 1.0)
         total = _total(sums.batches, k)
-        result[k] = np.einsum("a,lab,b->l", direction, total, direction) / sums.rows
+        result[k] = np.einsum("a,lab,b->l", direction, total, direction) / rows[k]
     result[:, 1:] /= 2.0
     result[:, 0] = np.maximum(result[:, 0], 0.0)
     return result

@@ -14,10 +14,12 @@ from estimator.filtering import motion_band, plan_filter
 from estimator.loads.delay import SHIFTS, UNKNOWN_DELAY, fit_with_delay
 from estimator.loads.estimate import LoadEstimate
 from estimator.loads.fit import Believed, LoadFit
+from estimator.loads.layout import LoadLayout, Offset, wrench_layout
 from estimator.loads.parameters import RigidLoad
 from estimator.loads.recording import LoadRecording
 from estimator.loads.rigidity import ResidualRows, rigidity
-from estimator.loads.rows import Form, LoadLayout, Offset, load_rows
+from estimator.loads.rows import Form, load_rows
+from estimator.loads.tare import Tare
 from estimator.loads.wrench_regressor import CHANNELS
 from estimator.rigid_body import RigidBody
 from estimator.sums import Sums
@@ -28,16 +30,6 @@ _BAND_OVER_MOTION = 10.0
 _LEAST_BAND, _WIDEST_BAND = 5.0, 25.0
 """Hz, as for links: above, arm and sensor swing."""
 _LEAST_ROWS = 8
-
-
-@dataclass(frozen=True)
-class Tare:
-    """A reading of the sensor without the load, its hand's weight taken off: the offsets (6,) N, N·m at session time
-    ``t`` s, with standard errors (6,)."""
-
-    t: float
-    offset: Array
-    standard_error: Array
 
 
 @dataclass(frozen=True)
@@ -85,7 +77,7 @@ def identify_load(
     if not measured.all():
         missing = ", ".join(name for name, there in zip(CHANNELS, measured, strict=True) if not there)
         warnings.append(f"{missing} not measured: dropped")
-    layout = LoadLayout(tuple(np.flatnonzero(measured).tolist()), options.offset, len(recordings))
+    layout = wrench_layout(tuple(np.flatnonzero(measured).tolist()), options.offset, len(recordings))
     sums = Sums()
     for number, recording in enumerate(recordings):
         plan = plan_filter(recording.motion.rate, band, stride_limit=1)
@@ -166,9 +158,9 @@ def _believed(
     count = len(layout.channels)
     for tare in tares:
         rows = np.zeros((count, layout.size))
-        rows[:, 10 : 10 + count] = np.eye(count)
-        if layout.offset == "drift":
-            rows[:, 10 + count :] = tare.t * np.eye(count)
+        rows[:, layout.place("offset")] = np.eye(count)
+        if "drift" in layout.kinds:
+            rows[:, layout.place("drift")] = tare.t * np.eye(count)
         mine = list(layout.channels)
         result.append(
             Believed(rows, np.asarray(tare.offset)[mine], np.diag(np.asarray(tare.standard_error)[mine] ** 2))

@@ -19,56 +19,18 @@ from scipy.ndimage import maximum_filter1d
 from estimator.filtering import Decimator, FilterPlan, resample, smooth_motion
 from estimator.loads.frame_motion import FrameMotion, frame_motion
 from estimator.loads.integrated import integrated_columns, lost_samples
+from estimator.loads.layout import LoadLayout, sensor_columns
 from estimator.loads.recording import LoadRecording
-from estimator.loads.wrench_regressor import CHANNELS, wrench_regressor
+from estimator.loads.wrench_regressor import wrench_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK
 
 Array = NDArray[np.float64]
 
 Form = Literal["differentiated", "integrated"]
-Offset = Literal["none", "constant", "drift", "each"]
-"""What of the sensor is estimated with the load: ``drift``, an offset that changes linearly over the session;
-``each``, an offset of its own in every recording."""
 
 _REST = 0.01
 """Share of the recording's peak speed below which the arm counts as still."""
-
-
-@dataclass(frozen=True)
-class LoadLayout:
-    """Which channels are fitted, and the unknowns: ten parameters, then the sensor's, kind after kind, of those
-    channels. ``recordings``: how many there are, for offsets of each."""
-
-    channels: tuple[int, ...]
-    offset: Offset
-    recordings: int = 1
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """What is unknown of each channel of the sensor: offsets, then a drift where one is fitted."""
-        if self.offset == "each":
-            return tuple(f"offset{number}" for number in range(self.recordings))
-        return {"none": (), "constant": ("offset0",), "drift": ("offset0", "drift")}[self.offset]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the unknowns of the sensor, in the order of the solution."""
-        return tuple(f"{kind} {CHANNELS[c]}" for kind in self.kinds for c in self.channels)
-
-    @property
-    def size(self) -> int:
-        return 10 + len(self.names)
-
-    def unknowns(self, k: int) -> list[int]:
-        """Where the columns of the k-th fitted channel stand among all unknowns."""
-        return [*range(10), *(10 + k + len(self.channels) * j for j in range(len(self.kinds)))]
-
-    def sensor_columns(self, clock: Array, number: int) -> list[Array]:
-        """Columns of the sensor's unknowns for samples at session times ``clock`` s of recording ``number``."""
-        if self.offset == "each":
-            return [np.full_like(clock, float(other == number)) for other in range(self.recordings)]
-        return [np.ones_like(clock), clock][: len(self.kinds)]
 
 
 @dataclass(frozen=True)
@@ -119,7 +81,7 @@ def load_rows(
         kept = slice(edge - plan.edge, edge - plan.edge + len(inside))
         motion = frame_motion(body, frame, smooth.q[kept], smooth.dq[kept], smooth.ddq[kept])
         clock = t[0] + inside / plan.rate
-        right = [*layout.sensor_columns(recording.session_start + clock, number)]
+        right = sensor_columns(layout, recording.session_start + clock, number)
         wrenches = _shifted(measured, inside, shifts * plan.rate)
         columns = _filtered(layout, motion, right, wrenches, plan, form)
         rows = columns[0].shape[1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config import InputError, Installation, load_installation
+from driver.recording import Recording
 from estimator.rigid_body import RigidBody, load_rigid_body
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -58,6 +59,20 @@ def of_installation(installation: Installation) -> ArmSource:
     """The rigid body as an installation has it."""
     urdf = installation.path.parent / installation.arm.urdf
     return ArmSource(installation.arm.name, urdf, installation.joint_names, installation.arm.gravity_m_s2, installation)
+
+
+def recorded_arm(recording: Recording, path: Path) -> ArmSource:
+    """The arm that a recording says it is of. Raises InputError when it says none, or one that is not known here."""
+    if recording.arm is None:
+        raise InputError(str(path), "does not say which arm it is of", "name it: --arm NAME, or --arm FILE.urdf")
+    if recording.installation is not None and recording.installation.path.is_file():
+        return of_installation(recording.installation)
+    try:
+        return of_installation(load_installation(recording.arm))
+    except InputError as error:
+        raise InputError(
+            str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
+        ) from None
 
 
 def parse_holds(given: Sequence[str]) -> dict[str, float]:

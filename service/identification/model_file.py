@@ -84,10 +84,10 @@ def write_link_model(path: Path, arm: str, result: LinkIdentification, sources: 
     }
     lines = [
         "# Links identified by etude: tau = regressor · base parameters + joint terms. SI units.",
-        *(f"{key} = {_literal(value)}" for key, value in head.items()),
+        *(f"{key} = {literal(value)}" for key, value in head.items()),
         "",
         "[link_parameters]  # m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the link's frame",
-        *(f"{_literal(name)} = {_literal(row.tolist())}" for name, row in zip(result.body.joints, full, strict=True)),
+        *(f"{literal(name)} = {literal(row.tolist())}" for name, row in zip(result.body.joints, full, strict=True)),
     ]
     for table, rows in (
         ("base_parameter", answer["base_parameters"]),
@@ -95,7 +95,7 @@ def write_link_model(path: Path, arm: str, result: LinkIdentification, sources: 
         ("learnt_from", [asdict(source) for source in sources]),
     ):
         for row in rows:
-            lines += ["", f"[[{table}]]", *(f"{k} = {_literal(v)}" for k, v in row.items() if v is not None)]
+            lines += ["", f"[[{table}]]", *(f"{k} = {literal(v)}" for k, v in row.items() if v is not None)]
     try:
         write_atomically(path, "\n".join(lines) + "\n")
     except OSError as error:
@@ -116,10 +116,10 @@ def read_link_model(path: Path) -> LinkModel:
         raise InputError(str(path), f"{key}: {first['msg']}", "give a model file written by etude") from None
 
 
-def _literal(value: Any) -> str:
+def literal(value: Any) -> str:
     """A TOML literal. JSON's strings, numbers and arrays of them are TOML's, but for floats that are not finite."""
     if isinstance(value, float):
         return repr(value) if math.isfinite(value) else str(value)
     if isinstance(value, list):
-        return "[" + ", ".join(_literal(item) for item in value) + "]"
+        return "[" + ", ".join(literal(item) for item in value) + "]"
     return json.dumps(value, ensure_ascii=False)
