@@ -102,7 +102,7 @@ def taken_back(layout: LoadLayout, sums: Sums, delay: float) -> Sums:
         turn[:p, :p], turn[p:, p] = np.eye(p), c
         turns.append(turn)
     batches = [
-        Batch(b.rows, b.recording, [t.T @ lagged @ t for t, lagged in zip(turns, b.lagged, strict=True)])
+        Batch(b.rows, b.recording, [t.T @ lagged @ t for t, lagged in zip(turns, b.lagged, strict=True)], b.counted)
         for b in sums.batches
     ]
     return Sums(batches, sums.samples, sums.duration)

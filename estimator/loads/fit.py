@@ -54,15 +54,13 @@ class LoadFit:
     """Unknowns that were solved for; the others are zero in `filled`."""
 
 
-def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = (), shares: Array | None = None) -> LoadFit:
+def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) -> LoadFit:
     """Iteratively reweighted, whitened least squares; at least 8 rows.
-
-    ``shares`` (channels,): of each channel's rows that count, where the others are zeros throughout.
 
     The covariance is the inverse of the information with the residual's own autoregressive spectrum, so it holds for
     coloured, stationary noise.
     """
-    rows = sums.rows * (np.ones(len(layout.channels)) if shares is None else np.maximum(shares, 1.0 / sums.rows))
+    rows = np.maximum(sums.counted, 1.0)
     power = np.array([_last(sums, k, 0) / rows[k] for k in range(len(layout.channels))])
     weights = np.array([white_weight(max(p, np.finfo(float).tiny)) for p in power])
     plain = weighted_equations(layout, sums, weights, believed)

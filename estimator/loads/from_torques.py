@@ -123,12 +123,11 @@ def _fitted(
     unknown = len(links.value)
     layout = LoadLayout(tuple(range(body.n)), KINDS, body.joints, 10 + unknown)
     twins = [free_twin(trajectory, free) for trajectory in loaded]
-    sums, moving = Sums(), np.zeros(body.n)
+    sums = Sums()
     for number, (trajectory, twin) in enumerate(zip(loaded, twins, strict=True)):
         for _, columns, samples in _rows(body, frame, links, trajectory, twin):
-            sums.add(columns, number)
+            sums.add(columns, number, np.array([c.any(axis=0).astype(float) for c in columns]))
             sums.samples += samples
-            moving += [np.count_nonzero(c.any(axis=0)) for c in columns]
     if sums.rows < _LEAST_ROWS:
         raise InputError(
             "recordings",
@@ -142,7 +141,7 @@ def _fitted(
     rows = np.zeros((unknown, layout.size))
     rows[:, 10 : 10 + unknown] = np.eye(unknown)
     known = Believed(rows, np.zeros(unknown), covariance + floor * np.eye(unknown))
-    fit = fit_load(layout, sums, [known], moving / sums.rows)
+    fit = fit_load(layout, sums, [known])
     return TorqueLoad(
         load=RigidLoad(fit.value[:10], fit.covariance[:10, :10]),
         fit=fit,

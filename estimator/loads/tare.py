@@ -44,7 +44,7 @@ def tare(body: RigidBody, frame: str, recording: LoadRecording, hand: RigidLoad 
     if len(poses.q) > 1 and np.ptp(poses.q, axis=0).max() > 0.01 and hand is None:
         raise InputError(name, "the arm moves between poses in this tare", "record a second at rest, without the load")
     still = np.zeros_like(poses.q)
-    weight = 0.0
+    weight = np.zeros_like(poses.wrench)
     if hand is not None:
         known = np.where(np.isfinite(hand.parameters), hand.parameters, 0.0)
         weight[:] = wrench_of_load(known, frame_motion(body, frame, poses.q, still, still))

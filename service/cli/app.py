@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from service.cli import asking, checking, demonstrating, diagnosing, identifying, recorded, serving
+from service.cli import asking, checking, demonstrating, diagnosing, identifying, recorded, serving, identifying_load
 
 app = typer.Typer(
     name="etude",
@@ -27,6 +27,7 @@ app.command("status")(asking.status)
 app.command("stop")(asking.stop)
 app.command("reset")(asking.reset)
 app.command("run")(asking.run)
+identifying.app.command("load")(identifying_load.load)
 app.add_typer(identifying.app, name="identify")
 app.command("diagnose")(diagnosing.diagnose)
 app.command("recordings")(recorded.recordings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +10,7 @@ import typer
 from config import InputError
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, AttachedOption, JsonOption
+from service.cli.options import ArmOption, AttachedOption, JsonOption, new_directory
 from service.identification.request import EstimatorName, LinksRequest, as_paths
 
 app = typer.Typer(help="Identify inertial parameters.", no_args_is_help=True, rich_markup_mode=None)
@@ -106,7 +105,7 @@ def _from_recordings(
     request = LinksRequest(
         recordings=as_paths(recordings),
         hold_out=as_paths(hold_out),
-        directory=out.absolute() if out else _new_directory(),
+        directory=out.absolute() if out else new_directory("links"),
         arm=arm,
         hold=parse_holds(hold),
         topic=topic,
@@ -115,14 +114,3 @@ def _from_recordings(
     )
     with progress() as tell:
         return identify_from(request, tell).answer
-
-
-def _new_directory() -> Path:
-    from config.paths import state_directory
-
-    stem = state_directory() / "identified"
-    name = f"links-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-    number = 1
-    while (stem / (name if number == 1 else f"{name}-{number}")).exists():
-        number += 1
-    return stem / (name if number == 1 else f"{name}-{number}")

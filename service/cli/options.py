@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -54,3 +55,15 @@ def _name_in(path: str) -> str:
     from config import load_installation
 
     return load_installation(str(Path(path))).arm.name
+
+
+def new_directory(what: str) -> Path:
+    """Where the results of a command go when ``--out`` does not say: one of its own in the state directory."""
+    from config.paths import state_directory
+
+    stem = state_directory() / "identified"
+    name = f"{what}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    number = 1
+    while (stem / (name if number == 1 else f"{name}-{number}")).exists():
+        number += 1
+    return stem / (name if number == 1 else f"{name}-{number}")

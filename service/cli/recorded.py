@@ -103,6 +103,7 @@ def report(
 
 def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableType]:
     from service.reports.link_tables import link_report
+    from service.reports.load_tables import load_report
 
     record = session.record
     lines: list[RenderableType] = [
@@ -112,6 +113,8 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
     ]
     if result is not None and record.kind == "identify-links":
         lines += link_report(result)
+    elif result is not None and record.kind == "identify-load":
+        lines += load_report(result)
     elif result is not None:
         lines += [
             f"{joint}: " + ", ".join(f"{k} {v:.4g}" for k, v in error.items() if v is not None)

@@ -13,6 +13,7 @@ from config import InputError
 from service.daemon.server import Call, Command
 from service.sessions.conductor import Conductor
 from service.sessions.identify_links import IdentifyLinks, IdentifyLinksArguments
+from service.sessions.identify_load import IdentifyLoad, IdentifyLoadArguments
 from service.sessions.procedure import Procedure
 from service.sessions.run_motion import RunArguments, RunMotion
 
@@ -48,6 +49,10 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         attached, asked = _taken(call.arguments, IdentifyLinksArguments)
         return await _conducted(conductor, call, attached, lambda: IdentifyLinks(installation, asked))
 
+    async def identify_load(call: Call) -> dict[str, Any]:
+        attached, asked = _taken(call.arguments, IdentifyLoadArguments)
+        return await _conducted(conductor, call, attached, lambda: IdentifyLoad(installation, asked))
+
     return {
         "status": Command(status, looks_only=True),
         "follow": Command(follow, looks_only=True),
@@ -55,6 +60,7 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         "reset": Command(reset),
         "run": Command(run),
         "identify_links": Command(identify_links),
+        "identify_load": Command(identify_load),
     }
 
 

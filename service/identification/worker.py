@@ -12,17 +12,20 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config import InputError
-from service.identification.request import LinksRequest
+from service.identification.request import LinksRequest, LoadRequest
 
 NICENESS = 10
 """Estimation must not compete with the cyclic loop for a processor."""
+
+
+Request = LinksRequest | LoadRequest
 
 
 class WorkerLost(Exception):
     """The worker's process ended without an answer."""
 
 
-async def in_worker(request: LinksRequest, tell: Callable[[str, float], None]) -> dict[str, Any]:
+async def in_worker(request: Request, tell: Callable[[str, float], None]) -> dict[str, Any]:
     """The answer of `identify`, and its progress. Cancelling ends the worker.
 
     Raises what `identify` raises; WorkerLost when the process was killed, by the kernel's memory limit for one.
@@ -51,16 +54,25 @@ async def in_worker(request: LinksRequest, tell: Callable[[str, float], None]) -
         ours.close()
 
 
-def _work(connection: Connection, request: LinksRequest) -> None:
+def _work(connection: Connection, request: Request) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
-    from service.identification.links import identify  # numerical libraries are loaded here, not in the daemon
-
     try:
-        outcome = identify(request, lambda stage, share: connection.send(("progress", (stage, share))))
+        answer = _answer(request, lambda stage, share: connection.send(("progress", (stage, share))))
     except Exception as error:
         if not isinstance(error, InputError):
             error.add_note("".join(traceback.format_exception(error)))  # a traceback does not travel by itself
         connection.send(("raised", error))
     else:
-        connection.send(("answer", outcome.answer))
+        connection.send(("answer", answer))
+
+
+def _answer(request: Request, tell: Callable[[str, float], None]) -> dict[str, Any]:
+    """Numerical libraries are loaded here, not in the daemon."""
+    if isinstance(request, LoadRequest):
+        from service.identification import loads
+
+        return loads.identify(request, tell).answer
+    from service.identification import links
+
+    return links.identify(request, tell).answer

@@ -103,3 +103,10 @@ def plan_motion(name: str, installation: Installation, mode: Mode, controller: S
     plan = Plan(sampled.q, sampled.dq, sampled.ddq, mode=mode, controller=controller, name=motion.name)
     plan.check(installation)
     return plan
+
+
+def plan_rest(installation: Installation, seconds: float, mode: Mode, controller: SessionController, name: str) -> Plan:
+    """Rest at home for that long, to be recorded."""
+    home = np.tile(installation.arm.home_rad, (max(2, round(seconds * installation.cycle.rate_hz)), 1))
+    still = np.zeros_like(home)
+    return Plan(home, still, still, mode=mode, controller=controller, name=name)
