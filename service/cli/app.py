@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from service.cli import asking, checking, demonstrating, diagnosing, identifying, recorded, serving, identifying_load
+from service.cli import asking, checking, demonstrating, diagnosing, identifying, identifying_load, recorded, serving
 
 app = typer.Typer(
     name="etude",

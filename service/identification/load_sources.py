@@ -23,7 +23,7 @@ _NANOSECONDS = 1e9
 
 
 @dataclass(frozen=True)
-class ReadRecordings:
+class LoadSources:
     """All recordings of a request, read in the order they were named, of one arm."""
 
     arm: ArmSource
@@ -48,7 +48,7 @@ class ReadRecordings:
         return None
 
 
-def read_recordings(request: LoadRequest, paths: Sequence[Path]) -> ReadRecordings:
+def read_load_sources(request: LoadRequest, paths: Sequence[Path]) -> LoadSources:
     """Read them all. Raises InputError for a file that cannot be read, is of another arm, or has other joints."""
     arm = arm_source(request.arm) if request.arm is not None else None
     body: RigidBody | None = None
@@ -76,7 +76,7 @@ def read_recordings(request: LoadRequest, paths: Sequence[Path]) -> ReadRecordin
         links = [f.name for f in body.model.frames][1:]
         raise InputError("--frame", f"the URDF does not say where the load is held ({', '.join(links)})", "name it")
     sources = tuple(source_of(path, recording) for path, recording in zip(paths, read, strict=True))
-    return ReadRecordings(arm, body, frame, tuple(read), sources, tuple(notes))
+    return LoadSources(arm, body, frame, tuple(read), sources, tuple(notes))
 
 
 def _of_the_same_arm(recording: Recording, path: Path, arm: ArmSource) -> None:
@@ -107,7 +107,7 @@ def motion_of(recording: Recording, body: RigidBody, name: str) -> Trajectory:
     )
 
 
-def with_wrench(read: ReadRecordings, number: int) -> LoadRecording:
+def with_wrench(read: LoadSources, number: int) -> LoadRecording:
     """The recording of that number with its wrench. Raises InputError when it has none."""
     recording = read.recordings[number]
     name = read.sources[number].path
@@ -122,6 +122,6 @@ def with_wrench(read: ReadRecordings, number: int) -> LoadRecording:
     return replace(aligned, session_start=(recording.start_ns - first) / _NANOSECONDS)
 
 
-def tare_of(read: ReadRecordings, number: int, hand: RigidLoad | None) -> Tare:
+def tare_of(read: LoadSources, number: int, hand: RigidLoad | None) -> Tare:
     """The sensor's offset by the rest of that recording. Raises InputError when the arm moves in it."""
     return tare(read.body, read.frame, with_wrench(read, number), hand)

@@ -12,7 +12,7 @@ from config import InputError
 from estimator.loads import RigidLoad
 from estimator.loads.entries import load_entries, load_warnings
 from estimator.loads.from_torques import TorqueLoad, load_from_torques
-from service.identification.load_sources import ReadRecordings
+from service.identification.load_sources import LoadSources
 from service.identification.recorded import trajectory_of
 from service.identification.request import LoadRequest
 from service.reports.load_plot import plot_torque_difference
@@ -26,7 +26,7 @@ class TorqueOutcome:
     answer: dict[str, Any]
 
 
-def from_torques(request: LoadRequest, read: ReadRecordings) -> TorqueOutcome:
+def from_torques(request: LoadRequest, read: LoadSources) -> TorqueOutcome:
     """Raises InputError for a recording without torques, or of other joints."""
     count = len(request.recordings)
     trajectories = [
@@ -47,7 +47,7 @@ def from_torques(request: LoadRequest, read: ReadRecordings) -> TorqueOutcome:
     return TorqueOutcome(found.load, {**_answer(found, read), "plot": str(plot)})
 
 
-def _answer(found: TorqueLoad, read: ReadRecordings) -> dict[str, Any]:
+def _answer(found: TorqueLoad, read: LoadSources) -> dict[str, Any]:
     rms, power = np.sqrt(found.fit.autocovariance[:, 0]), np.sqrt(found.fit.power)
     return {
         **load_entries(found.load, held=False),

@@ -27,7 +27,7 @@ from estimator.loads import (
 from estimator.loads.layout import Offset
 from service.identification.load_file import read_one_load, write_load
 from service.identification.load_judgement import judged
-from service.identification.load_sources import ReadRecordings, read_recordings, tare_of, with_wrench
+from service.identification.load_sources import LoadSources, read_load_sources, tare_of, with_wrench
 from service.identification.load_torques import from_torques
 from service.identification.request import LoadRequest
 from service.reports.load_plot import plot_wrenches
@@ -61,7 +61,7 @@ def identify(request: LoadRequest, tell: Tell = lambda stage, share: None) -> Lo
             raise InputError(str(path), f"is both learnt from and {role}", "give a recording of its own")
     paths = [*request.recordings, *request.without, *request.tares, *request.hold_out]
     tell("reading", 0.0)
-    read = read_recordings(request, paths)
+    read = read_load_sources(request, paths)
     tell("estimating", 0.4)
     try:
         request.directory.mkdir(parents=True, exist_ok=True)
@@ -84,7 +84,7 @@ def identify(request: LoadRequest, tell: Tell = lambda stage, share: None) -> Lo
     return LoadOutcome(found.load, answer)
 
 
-def _from_wrenches(request: LoadRequest, read: ReadRecordings) -> LoadOutcome:
+def _from_wrenches(request: LoadRequest, read: LoadSources) -> LoadOutcome:
     count = len(request.recordings)
     recordings = [with_wrench(read, number) for number in range(count)]
     hand = None if request.hand is None else read_one_load(request.hand)
@@ -104,7 +104,7 @@ def _from_wrenches(request: LoadRequest, read: ReadRecordings) -> LoadOutcome:
 
 def _static(
     request: LoadRequest,
-    read: ReadRecordings,
+    read: LoadSources,
     recordings: Sequence[LoadRecording],
     hand: RigidLoad | None,
     tares: Sequence[Tare],
@@ -119,7 +119,7 @@ def _static(
     return LoadOutcome(result.load, answer)
 
 
-def _offset(read: ReadRecordings, recordings: Sequence[Recording], tares: Sequence[Tare]) -> Offset:
+def _offset(read: LoadSources, recordings: Sequence[Recording], tares: Sequence[Tare]) -> Offset:
     """What the sensor's offset is taken to do: drift over a session, stay, or be another in every recording."""
     if not read.dated:
         return "constant" if len(recordings) == 1 or tares else "each"
@@ -131,7 +131,7 @@ def _offset(read: ReadRecordings, recordings: Sequence[Recording], tares: Sequen
 
 
 def _judged_on(
-    request: LoadRequest, read: ReadRecordings, recordings: Sequence[LoadRecording], result: LoadEstimate
+    request: LoadRequest, read: LoadSources, recordings: Sequence[LoadRecording], result: LoadEstimate
 ) -> tuple[Path, dict[str, Any] | None]:
     """The plot of measured and predicted wrench, of a held-out recording where there is one; and the residuals on
     those."""

@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from config import InputError, load_installation
-from driver.recording import Recording
+from config import InputError
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
-from service.identification.arm_source import ArmSource, arm_source, of_installation
+from service.identification.arm_source import ArmSource, arm_source, recorded_arm
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 
 Tell = Callable[[str, float], None]
@@ -57,7 +56,7 @@ def read_recordings(
         tell(f"reading {path.name}", 0.4 * k / len(paths))
         recording = read_any(path, arm, topic)
         if arm is None:
-            arm = _recorded_arm(recording, path)
+            arm = recorded_arm(recording, path)
         if body is None:
             body = arm.rigid_body(recording.joints, hold)
         notes += [f"{path.name}: {note}" for note in recording.notes]
@@ -70,16 +69,3 @@ def read_recordings(
         notes.append(f"joints of the URDF that were not recorded are held still: {held}")
     count = len(recordings)
     return ReadRecordings(body, arm, tuple(sources[:count]), tuple(read[:count]), tuple(read[count:]), tuple(notes))
-
-
-def _recorded_arm(recording: Recording, path: Path) -> ArmSource:
-    if recording.arm is None:
-        raise InputError(str(path), "does not say which arm it is of", "name it: --arm NAME, or --arm FILE.urdf")
-    if recording.installation is not None and recording.installation.path.is_file():
-        return of_installation(recording.installation)
-    try:
-        return of_installation(load_installation(recording.arm))
-    except InputError as error:
-        raise InputError(
-            str(path), f"is of arm {recording.arm}, which is not configured here ({error.problem})", "name --arm"
-        ) from None

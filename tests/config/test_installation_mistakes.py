@@ -15,7 +15,7 @@ MISTAKES = [
     (
         "rate_hz = 1000",
         "rate_hz = = 1000",
-        "installation.toml, line 13, column 11: is not TOML: invalid value; correct that line",
+        "installation.toml, line 14, column 11: is not TOML: invalid value; correct that line",
     ),
     (
         "rate_hz = 1000",
