@@ -20,7 +20,7 @@ MISTAKES = [
     (
         "rate_hz = 1000",
         "rate_hz = 1000\nrate_hz = 500",
-        "installation.toml, line 14, column 14: is not TOML: cannot overwrite a value; correct that line",
+        "installation.toml, line 15, column 14: is not TOML: cannot overwrite a value; correct that line",
     ),
     (
         "heartbeat_ms = 20",
