@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +99,22 @@ class RigidBody:
             [to_thesis_order(self.model.inertias[k + 1].toDynamicParameters()) for k in range(self.n)]
         )
 
+    def with_parameters(self, parameters: Array) -> RigidBody:
+        """The same arm with other inertial parameters (10·n,), physically possible or not.
+
+        Raises InputError when a link has moments but no mass: pinocchio keeps centres, not first moments.
+        """
+        model = self.model.copy()
+        for k, link in enumerate(to_thesis_order(np.reshape(parameters, (self.n, 10)))):
+            if link[0] == 0.0 and np.any(link[1:4]):
+                raise InputError(f"link of {self.joints[k]}", "has first moments but no mass", "give it a mass")
+            model.inertias[k + 1] = (
+                pin.Inertia.FromDynamicParameters(link)
+                if link[0] != 0.0
+                else pin.Inertia(0.0, np.zeros(3), _symmetric(link[4:]))
+            )
+        return replace(self, model=model)
+
     def configuration(self, q: Array) -> Array:
         """pinocchio's configuration vector of one sample of joint positions (n,); continuous joints become two."""
         neutral: Array = pin.neutral(self.model)
@@ -178,6 +194,12 @@ def _square_up(model: Any) -> None:
         square = np.round(placement.rotation)
         if np.abs(placement.rotation - square).max() < _ROUNDED_ANGLE:
             placement.rotation = square
+
+
+def _symmetric(entries: Array) -> Array:
+    """(3, 3) of pinocchio's six: xx, xy, yy, xz, yz, zz."""
+    xx, xy, yy, xz, yz, zz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _urdf_text(urdf: str | Path) -> tuple[str, str]:

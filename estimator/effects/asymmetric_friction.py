@@ -26,6 +26,7 @@ class AsymmetricFriction(JointEffect):
         "coefficient_positive": "N·m·s/rad",
         "coefficient_negative": "N·m·s/rad",
     }
+    hidden = (0,)
     confused_with = ("torque_offset", "stribeck_friction")
     contains = ("coulomb_friction", "viscous_friction")
     experiment = "move joint {joint} at a high constant speed, both ways, and rest between"

@@ -24,6 +24,7 @@ class Backlash(JointEffect):
 
     name = "backlash"
     units: ClassVar = {"gap": "rad"}
+    hidden = (0,)
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse joint {joint} where gravity loads it, and where it does not"
 

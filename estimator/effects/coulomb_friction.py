@@ -25,6 +25,7 @@ class CoulombFriction(JointEffect):
 
     name = "coulomb_friction"
     units: ClassVar = {"level": "N·m"}
+    hidden = (0,)
     confused_with = ("viscous_friction", "stribeck_friction", "presliding")
     experiment = "move joint {joint} at six or more constant speeds, both ways"
 

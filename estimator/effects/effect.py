@@ -62,6 +62,10 @@ class Effect(ABC):
     equation: ClassVar[Equation] = "torque"
     """Of all its places but those that `equation_at` knows better."""
 
+    hidden: ClassVar[tuple[int, ...]] = ()
+    """Which entries of theta the catalogue's parameters do not hold: the sharpness of a sign. A fitted effect keeps
+    them beside its parameters as its shape."""
+
     def equation_at(self, place: Place) -> Equation:
         """The equation that it enters at this place."""
         return self.equation
@@ -98,11 +102,16 @@ class Effect(ABC):
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""
 
-    def torque(self, place: Place, parameters: Parameters, signals: Signals) -> Array:
-        """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m."""
+    def torque(self, place: Place, parameters: Parameters, signals: Signals, shape: Array | None = None) -> Array:
+        """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m.
+
+        ``shape``: the `hidden` entries of theta, as they were fitted; sharp signs without.
+        """
         if self.equation_at(place) != "torque":
             return np.zeros_like(signals.q)
         theta, coefficients = self.unknowns(place, parameters)
+        if shape is not None:
+            theta[list(self.hidden)] = shape
         result = np.zeros_like(signals.q)
         result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
         return result

@@ -24,6 +24,7 @@ class FrictionDrift(JointEffect):
 
     name = "friction_drift"
     units: ClassVar = {"initial": "N·m", "final": "N·m", "time_constant": "s"}
+    hidden = (1,)
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
     experiment = "repeat the first motion of joint {joint} last, after some minutes of work"

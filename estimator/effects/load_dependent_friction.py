@@ -20,6 +20,7 @@ class LoadDependentFriction(JointEffect):
 
     name = "load_dependent_friction"
     units: ClassVar = {"coefficient": "–"}
+    hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")
     experiment = "play the same path under two payloads"
 

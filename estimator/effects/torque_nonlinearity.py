@@ -25,6 +25,7 @@ class TorqueNonlinearity(JointEffect):
 
     name = "torque_nonlinearity"
     units: ClassVar = {"limit": "N·m", "dead_zone": "N·m"}
+    hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")
     experiment = "let the torque of joint {joint} rise slowly towards its limit, and pass slowly through zero"
 

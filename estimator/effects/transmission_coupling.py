@@ -27,6 +27,7 @@ class TransmissionCoupling(Effect):
 
     name = "transmission_coupling"
     units: ClassVar = {"joint_other": "–", "ratio": "–", "coefficient": "N·m·s/rad", "level": "N·m"}
+    hidden = (1,)
     confused_with = ("coulomb_friction", "viscous_friction")
     experiment = "move joint {joint} alone, the joint it shares a transmission with alone, then both together"
 
