@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -14,30 +15,31 @@ from estimator.twin.plant import PlantDraft, Series
 
 Array = NDArray[np.float64]
 
-SHARPNESS = (0.02, 0.1, 0.3)
-"""Torque over which the gap is crossed, to try, as shares of the torque's rms."""
+GAPS = (3e-5, 3e-4, 3e-3, 1e-2)
+"""rad, to try."""
 
 
 class Backlash(JointEffect):
-    """The angle is measured at the motor; the link lies half a gap behind or ahead of it, by the sign of the torque
-    that it takes. theta is the sign's width as a share of the torque's rms; the gap's size is the coefficient."""
+    """The angle is measured at the motor; the link lies half a gap behind or ahead of it, on the side to which the
+    torque presses it. When the torque changes its sign the link crosses the gap in free flight, so how fast depends on
+    the gap, which is theta; the coefficient is the gap too, as the factor on what the column has per unit."""
 
     name = "backlash"
     units: ClassVar = {"gap": "rad"}
-    hidden = (0,)
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse joint {joint} where gravity loads it, and where it does not"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        return np.array(SHARPNESS)[:, None]
+        return np.array(GAPS)[:, None]
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        taken = signals.tau_rigid[:, self.joint(place)]
-        width = float(theta[0]) * max(float(np.sqrt(np.mean(taken**2))), np.finfo(float).tiny)
-        return -signals.by_angle_error(self.joint(place), 0.5 * np.tanh(taken / width))[:, :, None]
+        joint, gap = self.joint(place), float(theta[0])
+        inertia = float(np.mean(signals.sensitivity[2][:, joint, joint]))
+        ahead = play(signals.tau_rigid[:, joint] / inertia, signals.period, gap)
+        return -signals.by_angle_error(joint, ahead / gap)[:, :, None]
 
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
         return self.nonnegative(1)
@@ -46,10 +48,36 @@ class Backlash(JointEffect):
         return {"gap": float(coefficients[0])}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        return np.array([SHARPNESS[1]]), np.array([parameters["gap"]], dtype=float)
+        gap = float(parameters["gap"])
+        return np.array([gap if gap > 0.0 else GAPS[0]]), np.array([gap])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         plant.add_series(self.joint(place), Series(gap=float(parameters["gap"])))
+
+
+def play(acceleration: Array, period: float, gap: float) -> Array:
+    """(samples,) rad by which the motor is ahead of the link, ±gap/2 in contact.
+
+    ``acceleration`` (samples,): what the link needs over its inertia, rad/s²; in free flight it lacks that, and falls
+    behind by it. Impacts do not bounce.
+    """
+    side = 1.0 if acceleration[0] >= 0.0 else -1.0
+    result = np.empty(len(acceleration))
+    result[:] = side * gap / 2.0
+    turns = np.flatnonzero(np.diff(np.signbit(acceleration))) + 1
+    k = 0
+    for turn in turns:
+        if turn < k or acceleration[turn] * side > 0.0:
+            continue
+        k, ahead, speed = int(turn), side * gap / 2.0, 0.0
+        while k < len(acceleration) and abs(ahead) <= gap / 2.0:
+            result[k] = ahead
+            speed += period * float(acceleration[k])
+            ahead += period * speed
+            k += 1
+        side = math.copysign(1.0, ahead)
+        result[k:] = side * gap / 2.0
+    return result
 
 
 EFFECT = Backlash()

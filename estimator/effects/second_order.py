@@ -10,17 +10,24 @@ from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 Array = NDArray[np.float64]
 
+EDGE = 2
+"""Samples at the start whose second differences are one-sided."""
+
 
 def second_order_lag(x: Array, period: float, relaxation: float, square: float) -> Array:
     """x (samples, …) through 1/(1 + relaxation·s + square·s²), whose factors are in s and s².
 
-    Exact for signals that run straight from sample to sample; at rest under its first sample before it begins.
+    What it adds to x is the lag of −(relaxation·x' + square·x''), and that is what is filtered, exactly for signals
+    that run straight from sample to sample and from a steady start: a motion recorded from its middle on rings less.
     """
+    slope = np.gradient(x, period, axis=0)
+    pull = -(relaxation * slope + square * np.gradient(slope, period, axis=0))
     system = (np.ones(1), np.array([square, relaxation, 1.0]))
     numerator, denominator, _ = cont2discrete(system, period, method="foh")
     b = np.ravel(numerator)
-    start = np.multiply.outer(lfilter_zi(b, denominator), x[0])
-    return np.asarray(lfilter(b, denominator, x, axis=0, zi=start)[0])
+    start = np.multiply.outer(lfilter_zi(b, denominator), pull[EDGE])
+    pull[:EDGE] = pull[EDGE]
+    return np.asarray(x + lfilter(b, denominator, pull, axis=0, zi=start)[0])
 
 
 def resonated(x: Array, period: float, frequency: float, ratio: float) -> Array:

@@ -32,6 +32,13 @@ def fourier_motion(n: int, duration: float = 4.0, rate: float = 200.0, seed: int
 
 
 @pytest.fixture(scope="session")
+def motion(arm: RigidBody) -> Motion:
+    """A short one, for simulations."""
+    t, q, dq, ddq = fourier_motion(arm.n)
+    return t[:480], q[:480], dq[:480], ddq[:480]
+
+
+@pytest.fixture(scope="session")
 def arm() -> RigidBody:
     return load_rigid_body(HERE / "arms" / "puma600" / "puma600.urdf")
 
