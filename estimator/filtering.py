@@ -4,7 +4,7 @@ Any linear operation that both sides of tau = K·psi share leaves the equation t
 not, and the difference looks like friction or elasticity. Two stages:
 
 1. *Kinematics.* Angles are smoothed and differentiated by one family of kernels (a Kaiser-windowed sinc and its
-   analytic derivatives), flat to six times the band of stage 2: what they take from the
+   derivatives), flat to six times the band of stage 2: what they take from the
    motion is then far below a thousandth of the torque.
 2. *Parallel decimation.* The rows of [regressor | torque] go through a root-raised-cosine low-pass and are decimated to
    twice its band. Its squared response sums to one over the aliases, so white noise stays white: least squares on the
@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import detrend, oaconvolve, periodogram
+from scipy.signal import detrend, lfilter, oaconvolve, periodogram
 
 from estimator.trajectory import Trajectory
 
@@ -64,32 +64,46 @@ class FilterPlan:
         return self.rate / (self.stride * self.decimation)
 
 
-def plan_filter(rate: float, band: float, stride_limit: int = 8) -> FilterPlan:
-    """Kernels for a sampling rate (Hz) and a band (Hz); the band is lowered to what the rate can carry."""
+def plan_filter(rate: float, band: float, stride_limit: int = 8, flat: float = FLAT_TO_BAND) -> FilterPlan:
+    """Kernels for a sampling rate (Hz) and a band (Hz); the band is lowered to what the rate can carry. The kinematics
+    are flat to ``flat`` times the band."""
     band = min(band, 0.2 * rate)
-    passes, stops = min(FLAT_TO_BAND * band, 0.3 * rate), min(2.0 * FLAT_TO_BAND * band, 0.48 * rate)
-    beta = 0.1102 * (_STOP_BAND_DB - 8.7)
+    passes, stops = min(flat * band, 0.3 * rate), min(2.0 * flat * band, 0.48 * rate)
     half = int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * (stops - passes) / rate) / 2))
-    smooth, slope, curvature = _windowed_sinc(half, (passes + stops) / 2, rate, beta)
+    smooth, slope, curvature = _kernels(half, (passes + stops) / 2, rate)
     total = max(1, int(rate / (2.0 * band)))
-    stride = max(1, min(stride_limit, int(rate / (2.2 * stops))))
+    allowed = range(1, max(1, min(stride_limit, int(rate / (2.2 * stops)))) + 1)
+    # Of the strides that carry the kinematics the longest that makes up the whole decimation, but for a tenth.
+    stride = max(s for s in allowed if s * (total // s) >= 0.9 * total)
     decimation = max(1, total // stride)
     return FilterPlan(rate, rate / (2.0 * stride * decimation), stride, decimation, smooth, slope, curvature)
 
 
-def _windowed_sinc(half: int, cutoff: float, rate: float, beta: float) -> tuple[Array, Array, Array]:
-    """Low-pass kernel and its first two derivatives, each exact on polynomials of its own degree."""
+@lru_cache(maxsize=16)
+def _kernels(half: int, cutoff: float, rate: float) -> tuple[Array, Array, Array]:
+    """A windowed-sinc low-pass and its first two derivatives: of all kernels of this length the ones whose responses
+    are nearest ω and −ω² times the low-pass', in relative terms; each exact on polynomials of its own degree.
+
+    (Derivatives of the windowed sinc itself miss the window's small steps at its ends: half a percent of ω².)
+    """
     samples = np.arange(-half, half + 1)
-    oversampling = 64
-    fine = np.arange(-half * oversampling, half * oversampling + 1) / oversampling
-    kernel = np.sinc(2.0 * cutoff / rate * fine) * np.kaiser(len(fine), beta)
-    smooth_curve = CubicSpline(fine, kernel)
-    smooth = smooth_curve(samples)
-    smooth = smooth / smooth.sum()
-    slope = smooth_curve(samples, 1)
+    smooth = np.sinc(2.0 * cutoff / rate * samples) * np.kaiser(len(samples), 0.1102 * (_STOP_BAND_DB - 8.7))
+    smooth /= smooth.sum()
+    beyond = samples[half + 1 :]
+    omega = np.linspace(0.0, np.pi, 16 * half + 1)[1:]
+    response = smooth[half] + 2.0 * np.cos(np.outer(omega, beyond)) @ smooth[half + 1 :]
+    weight = 1.0 / np.minimum(omega, 2.0 * np.pi * cutoff / rate)
+    tail = np.linalg.lstsq(
+        -2.0 * np.sin(np.outer(omega, beyond)) * weight[:, None], omega * response * weight, rcond=None
+    )[0]
+    slope = np.concatenate([-tail[::-1], [0.0], tail])
     slope = slope / -(slope @ samples) * rate
-    curvature = smooth_curve(samples, 2)
-    curvature = curvature - smooth * curvature.sum()
+    weight = weight**2
+    # Without a constant: an angle at rest has no acceleration, to the last digit.
+    tail = np.linalg.lstsq(
+        2.0 * (np.cos(np.outer(omega, beyond)) - 1.0) * weight[:, None], -(omega**2) * response * weight, rcond=None
+    )[0]
+    curvature = np.concatenate([tail[::-1], [-2.0 * tail.sum()], tail])
     curvature = curvature * 2.0 / (curvature @ samples**2) * rate**2
     return smooth, slope, curvature
 
@@ -156,16 +170,39 @@ class Motion:
     ddq: Array
 
 
-def smooth_motion(plan: FilterPlan, q: Array, dq: Array | None, ddq: Array | None) -> Motion:
-    """Kinematics of one uniformly sampled segment; what was not measured is differentiated."""
-    first = convolve(dq, plan.smooth) if dq is not None else convolve(q, plan.slope)
+def smooth_motion(
+    plan: FilterPlan, q: Array, dq: Array | None, ddq: Array | None, crossover: Array | None = None
+) -> Motion:
+    """Kinematics of one uniformly sampled segment; what was not measured is differentiated.
+
+    ``crossover`` (n,) rad/s of each joint joins measured velocities with differentiated angles: below it the angles
+    are trusted, above it the velocities (see `estimator.channel_noise`). None: the velocities as they were measured.
+    """
+    smooth = convolve(q, plan.smooth)
+    q = q - q[0]  # so that a joint at rest has no velocity at all, not even one of rounding
+    if dq is None or (crossover is not None and np.all(np.isinf(crossover))):
+        first, second = convolve(q, plan.slope), convolve(q, plan.curvature)
+    else:
+        first, second = convolve(dq, plan.smooth), convolve(dq, plan.slope)
+        if crossover is not None:
+            by_angle = np.flatnonzero(crossover > 0.0)
+            for joint in by_angle:
+                pole = float(np.exp(-crossover[joint] / plan.rate))
+                angle = q[:, joint : joint + 1]
+                first[:, joint] += _slow_part(convolve(angle, plan.slope)[:, 0] - first[:, joint], pole)
+                second[:, joint] += _slow_part(convolve(angle, plan.curvature)[:, 0] - second[:, joint], pole)
     if ddq is not None:
         second = convolve(ddq, plan.smooth)
-    elif dq is not None:
-        second = convolve(dq, plan.slope)
-    else:
-        second = convolve(q, plan.curvature)
-    return Motion(convolve(q, plan.smooth), first, second)
+    return Motion(smooth, first, second)
+
+
+def _slow_part(x: Array, pole: float) -> Array:
+    """Zero-phase low-pass 1/(1 + (ω/ω_c)²), pole = exp(−ω_c/rate); beyond the ends x counts as zero."""
+    if pole == 0.0:
+        return x
+    forward = lfilter([1.0], [1.0, -pole], x)
+    backward = lfilter([1.0], [1.0, -pole], x[::-1])[::-1]
+    return np.asarray((forward + backward - x) * (1.0 - pole) / (1.0 + pole))
 
 
 def resample(t: Array, channels: Array, rate: float) -> Array:

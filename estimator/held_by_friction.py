@@ -33,15 +33,16 @@ _LEAST_ROWS = 8
 
 
 def speeds_to_leave_out(
-    body: RigidBody, base: BaseParameters, trajectories: Sequence[Trajectory], band: float
+    body: RigidBody, base: BaseParameters, trajectories: Sequence[Trajectory], band: float, crossover: Array | None
 ) -> Array:
-    """(n,) rad/s (m/s): slower is left out; zero for joints whose rests agree with their motion. ``band`` Hz."""
+    """(n,) rad/s (m/s): slower is left out; zero for joints whose rests agree with their motion. ``band`` Hz and
+    ``crossover`` as in the identification."""
     limits = rest_speeds(trajectories)
     if not limits.any():
         return limits
     # The narrowest sigmoid is all but the sign: at rest it says as much as any function of velocity can.
     terms = candidate_terms(TERM_NAMES, friction_widths(trajectories)[:, :1])
-    everything = make_layout(body, base, terms)
+    everything = make_layout(body, base, terms, crossover=crossover)
     part = [_beginning(trajectory, _ENOUGH / len(trajectories)) for trajectory in trajectories]
     unknowns = _fit_of_motion(replace(everything, rest_speed=limits), part, band)
     if unknowns is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.base_parameters import base_parameters
+from estimator.channel_noise import channel_noise
 from estimator.estimation import Estimate, Estimator, Prior, estimate
 from estimator.filtering import motion_band
 from estimator.held_by_friction import speeds_to_leave_out
@@ -68,8 +69,12 @@ def identify_links(
     band = options.band_hz or float(np.clip(_BAND_OVER_MOTION * motion_band(trajectories), _LEAST_BAND, _WIDEST_BAND))
     candidates = candidate_terms(options.terms, friction_widths(trajectories))
     by_instruments = options.estimator == "instrumental_variables"
-    rest = speeds_to_leave_out(body, base, trajectories, band) if "coulomb_friction" in options.terms else None
-    layout = make_layout(body, base, candidates, by_instruments, rest)
+    noise = channel_noise(trajectories)
+    crossover = None if noise is None else noise.crossover(band)
+    rest = None
+    if "coulomb_friction" in options.terms:
+        rest = speeds_to_leave_out(body, base, trajectories, band, crossover)
+    layout = make_layout(body, base, candidates, by_instruments, rest, crossover)
     sums = sum_up(layout, trajectories, band)
     if sums.rows * body.n < 2 * layout.size and (prior is None or not sums.rows):
         raise InputError(

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
-from estimator.filtering import Decimator, FilterPlan, Motion, convolve, plan_filter, resample, smooth_motion
+from estimator.filtering import (
+    FLAT_TO_BAND,
+    Decimator,
+    FilterPlan,
+    Motion,
+    convolve,
+    plan_filter,
+    resample,
+    smooth_motion,
+)
 from estimator.regressor import regressor_blocks
 from estimator.rigid_body import RigidBody
 from estimator.standstill import motion_weight, rms_speeds
@@ -21,6 +30,9 @@ Array = NDArray[np.float64]
 
 _WIDTHS = np.array([0.003, 0.03, 0.15])
 """Widths of the friction sigmoid to choose from, as shares of the joint's rms speed."""
+
+_FLAT_TO = 30.0
+"""Hz to which the kinematics are flat at least, so that their kernels lose but a tenth of a second at the ends."""
 
 CHUNK = 16_384
 """Samples worked on at once; memory does not grow beyond what they need."""
@@ -40,6 +52,8 @@ class Layout:
     """Whether the same columns of the commanded motion follow the torque."""
     rest_speed: Array
     """(n,) rad/s below which a joint's rows do not count (`estimator.standstill`)."""
+    crossover: Array | None
+    """(n,) rad/s at which measured velocities take over from angles; see `estimator.filtering.smooth_motion`."""
 
     @property
     def size(self) -> int:
@@ -52,12 +66,19 @@ class Layout:
         return [*self.active[joint], *range(before, before + len(self.terms[joint]))]
 
 
+def row_filter(rate: float, band: float) -> FilterPlan:
+    """The filters of link identification. The band is ten times the motion's, so that kinematics flat to twice the band
+    lose nothing; flat to more they would only let in the noise of accelerations, which grows as ω²."""
+    return plan_filter(rate, band, flat=float(np.clip(_FLAT_TO / band, 2.0, FLAT_TO_BAND)))
+
+
 def make_layout(
     body: RigidBody,
     base: BaseParameters,
     terms: Sequence[Sequence[Term]],
     instruments: bool = False,
     rest_speed: Array | None = None,
+    crossover: Array | None = None,
 ) -> Layout:
     """Layout of an arm; which base parameters reach which joint follows from its geometry. Without ``rest_speed`` all
     samples count."""
@@ -67,7 +88,7 @@ def make_layout(
     magnitude = np.abs(np.concatenate(blocks, axis=2)).max(axis=2)[:, list(base.kept)]
     active = [tuple(np.flatnonzero(row > 1e-9 * magnitude.max()).tolist()) for row in magnitude]
     rest = np.zeros(body.n) if rest_speed is None else rest_speed
-    return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments, rest)
+    return Layout(body, base, tuple(tuple(t) for t in terms), tuple(active), instruments, rest, crossover)
 
 
 def friction_widths(trajectories: Sequence[Trajectory]) -> Array:
@@ -90,14 +111,14 @@ def trajectory_rows(
 ) -> Iterator[tuple[list[Array], Array]]:
     """Rows of one recording, segment by segment, and how much of each joint's rows counts (n, rows); counts samples and
     high-frequency torque in ``sums``."""
-    plan = plan_filter(trajectory.rate, band)
+    plan = row_filter(trajectory.rate, band)
     rows_of = _RowMaker(layout, plan)
     for piece in trajectory.segments(CHUNK, 2 * plan.edge, layout.instruments):
         if len(piece) < 2 * plan.edge + 4 * plan.stride * plan.decimation:
             continue
         channels = _on_grid(trajectory, piece, plan.rate, layout.instruments)
         tau = channels["tau"]
-        motion = smooth_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"))
+        motion = smooth_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"), layout.crossover)
         inner = tau[plan.edge : len(tau) - plan.edge]
         desired = smooth_motion(plan, channels["q_desired"], None, None) if layout.instruments else None
         sums.samples += len(piece)
