@@ -33,7 +33,11 @@ _LEAST_ROWS = 8
 
 
 def speeds_to_leave_out(
-    body: RigidBody, base: BaseParameters, trajectories: Sequence[Trajectory], band: float, crossover: Array | None
+    body: RigidBody,
+    base: BaseParameters,
+    trajectories: Sequence[Trajectory],
+    band: float,
+    crossover: Array | None = None,
 ) -> Array:
     """(n,) rad/s (m/s): slower is left out; zero for joints whose rests agree with their motion. ``band`` Hz and
     ``crossover`` as in the identification."""

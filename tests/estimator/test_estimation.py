@@ -48,7 +48,7 @@ def test_hausman_tells_whether_noise_in_the_motion_matters(dda: RigidBody, make_
     options = LinkOptions(estimator="instrumental_variables", terms=())
 
     def p_value(seed: int, noise: float) -> float:
-        data = recordings(dda, make_periodic, seed, noise, 1e-2 * noise)
+        data = recordings(dda, make_periodic, seed, noise, 2e-2 * noise)
         return float(identify_links(dda, data, options).tests["durbin_wu_hausman"]["p_value"])
 
     assert sum(p_value(seed, 0.2) < 0.01 for seed in range(5)) == 5
