@@ -1,6 +1,6 @@
 """How late the loop wakes, beside `cyclictest` (package rt-tests) on the same machine at the same priority.
 
-Without cyclictest the reference is a bare absolute-sleep loop in this process.
+Without cyclictest (`apt-get install rt-tests`) the reference is a bare absolute-sleep loop in this process.
 """
 
 from __future__ import annotations
@@ -59,5 +59,5 @@ def measure() -> list[Figure]:
     if shutil.which("cyclictest"):
         reference, value = "cyclictest p99", cyclictest_p99_us(max(1, installation.cycle.priority))
     else:
-        reference, value = "bare sleep loop p99 (no cyclictest here)", bare_loop_p99_us()
+        reference, value = "bare sleep loop p99 (for cyclictest: apt-get install rt-tests)", bare_loop_p99_us()
     return [Figure("lateness_p99", p99, "µs", reference, value)]

@@ -38,12 +38,12 @@ def serve(
     with epoll:
         while True:
             if isinstance(clock, WallClock):
-                clock.advance()
                 # epoll's own time-out counts milliseconds; select's on the epoll descriptor counts microseconds.
-                select.select([epoll], [], [], clock.seconds_to_next_event())
-                events = epoll.poll(0)
+                woken, _, _ = select.select([epoll], [], [], clock.seconds_to_next_event())
+                clock.advance()
+                events = epoll.poll(0) if woken else []
             else:
-                events = epoll.poll()
+                events = epoll.poll(0 if clock.follow() else -1)
             for descriptor, _ in events:
                 if descriptor == wake.fileno():
                     return
@@ -55,8 +55,7 @@ def serve(
                         epoll.register(connection.sock.fileno(), select.EPOLLIN)
                 elif isinstance(source, Connection):
                     clock.handle(source)
-                elif isinstance(source, SocketCanPort) and isinstance(clock, WallClock):
-                    clock.advance()
+                elif isinstance(source, SocketCanPort):
                     source.receive()
-                elif not isinstance(source, SocketCanPort):
+                else:
                     rig.power_stage.serve_sensors()

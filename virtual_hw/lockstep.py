@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import sys
 from collections.abc import Sequence
 
@@ -11,6 +12,10 @@ from virtual_hw.rig import Rig
 START_NS = 1_700_000_000_000_000_000
 LONGEST_TICK_NS = 60_000_000_000
 """No host means to move time further at once; a wrong clock does."""
+STANDSTILL_MS = 1
+"""A host that has not ticked for this long lets time stand still."""
+TICKS_IN_A_ROW = 64
+"""So many ticks are taken before others than the ticking host are looked at."""
 
 
 class Lockstep:
@@ -23,6 +28,23 @@ class Lockstep:
         """
         self._rig, self._ports = rig, ports
         self._ticker: Connection | None = None
+        self._next_tick = select.poll()
+        self._ticked = False
+        """Whether the last thing the ticking host did was to tick."""
+
+    def follow(self) -> bool:
+        """Take tick after tick while they come; whether more may follow at once.
+
+        What the host sends to the other buses is read with the tick on the first; to be woken for each would cost
+        more than the rest of the event loop.
+        """
+        for _ in range(TICKS_IN_A_ROW):
+            if not self._ticked or self._ticker is None:
+                return False
+            self._ticked = False
+            if self._next_tick.poll(STANDSTILL_MS):
+                self.handle(self._ticker)
+        return True
 
     def hello_ns(self) -> int:
         return self._rig.now_ns
@@ -36,10 +58,11 @@ class Lockstep:
             _forget_past(connection, self._rig.now_ns)
             if connection.alive and inbox and is_mark(inbox[-1]):
                 return  # all of it is dated: it waits for the tick on the first bus
-        if not any(map(is_mark, inbox)):
+        if inbox and (is_mark(inbox[-1]) or any(map(is_mark, inbox))):
+            if moves_time:
+                self._run(connection)
+        else:
             self._configure(connection)
-        elif moves_time:
-            self._run(connection)
         self._flush()
         self._rig.power_stage.run_ahead()
 
@@ -55,6 +78,7 @@ class Lockstep:
     def _run(self, connection: Connection) -> None:
         if self._ticker is None:
             self._ticker = connection
+            self._next_tick.register(connection.sock.fileno(), select.POLLIN)
         elif self._ticker is not connection:
             self._send_away(connection, "A second host tried to move time")
             return
@@ -74,6 +98,7 @@ class Lockstep:
                 self._send_away(connection, f"A host sent a mark of kind {raw[4]} for {t_ns} ns")
                 return
             self._advance(t_ns, others)
+            self._ticked = True
         for other in others:
             _forget_past(other, self._rig.now_ns)
 
@@ -82,7 +107,8 @@ class Lockstep:
         while True:
             due_ns = t_ns
             for other in others:
-                due_ns = min(due_ns, _release(other, rig.now_ns))
+                if other.inbox:
+                    due_ns = min(due_ns, _release(other, rig.now_ns))
             rig.advance(due_ns)
             if due_ns == t_ns:
                 break
@@ -96,14 +122,10 @@ class Lockstep:
             connection.tell(told)
 
     def _flush(self) -> None:
-        gone: list[Connection] = []
-        for port in self._ports:
-            for connection in port.connections:
-                connection.flush()
-                if not connection.alive:
-                    gone.append(connection)
-        for connection in gone:
-            self._drop(connection)
+        # The first bus last: the host waits there first, and finds the others' packets when it wakes.
+        for port in reversed(self._ports):
+            for connection in port.flush():
+                self._drop(connection)
 
     def _send_away(self, connection: Connection, reason: str) -> None:
         print(f"{reason}; it was disconnected.", file=sys.stderr)
@@ -115,7 +137,7 @@ class Lockstep:
             if connection in port.connections:
                 port.drop(connection)
         if self._ticker is connection:
-            self._ticker = None
+            self._ticker, self._next_tick = None, select.poll()
 
 
 def _release(connection: Connection, now_ns: int) -> int:

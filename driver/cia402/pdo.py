@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from config.schema import Drive, Installation, Joint, Mode
-from driver.bus.frames import FRAME, FRAME_BYTES, pack
+from driver.bus.frames import pack
 from driver.cia402.mapping import COMMANDS, FEEDBACK, MODE_CODES, PdoMap, pdo_maps
+from driver.cia402.pdo_input import CODES, HEAD, BusInput, Reception
 from driver.cia402.scaling import JointScale
 
-_CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
 _NAN = math.nan
 
 
@@ -32,28 +32,6 @@ class Feedback:
     q: list[float]
     dq: list[float]
     tau: list[float]
-
-
-@dataclass(slots=True)
-class Reception:
-    """What else a bus carried: frames that are no TPDO of ours, and TPDOs that are not as mapped."""
-
-    other: list[tuple[int, int, bytes]] = field(default_factory=list)
-    """(bus number, identifier with flags, data): emergencies, heartbeats, SDO answers, error frames."""
-    malformed: list[tuple[int, int, int]] = field(default_factory=list)
-    """(bus number, identifier, length) of TPDOs of the wrong length: never taken for feedback."""
-    doubled: int = 0
-    """TPDOs that came a second time within the cycle."""
-
-
-@dataclass(slots=True)
-class _Tpdo:
-    """Where the values of one TPDO go in the flat list of raw values."""
-
-    unpack: struct.Struct
-    length: int
-    values: slice
-    bit: int
 
 
 @dataclass(slots=True)
@@ -113,28 +91,28 @@ class PdoCodec:
     # ── feedback ──
 
     def _compile_feedback(self, bus_names: list[str], drives: list[Drive]) -> None:
-        self._tables: list[dict[int, _Tpdo]] = [{} for _ in bus_names]
         self._raw: list[int] = []
         self._places: dict[tuple[int, str], int] = {}
-        self._axes: list[tuple[int, int, int, int, float, float, float, float, int]] = []
+        self._inputs: list[BusInput] = []
+        masks = [0] * len(self.joints)
         bit = 1
-        for i, joint in enumerate(self.joints):
-            mask = 0
-            for pdo in self.maps[i]:
-                if pdo.receive:
-                    continue
-                start = len(self._raw)
-                for name in pdo.names:
-                    self._places[i, name] = len(self._raw)
-                    self._raw.append(0)
-                codec = pdo_struct(pdo, drives[i])
-                entry = _Tpdo(codec, pdo.length, slice(start, len(self._raw)), bit)
-                self._tables[bus_names.index(joint.bus)][pdo.cob_id] = entry
-                mask |= bit
+        for number, name in enumerate(bus_names):
+            tpdos = [(pdo, i) for i in self._joints_on(name) for pdo in self.maps[i] if not pdo.receive]
+            tpdos.sort(key=lambda entry: entry[0].cob_id)
+            place = len(self._raw)
+            self._inputs.append(BusInput(number, [(pdo, drives[i]) for pdo, i in tpdos], self._raw, bit))
+            for pdo, i in tpdos:
+                for quantity in pdo.names:
+                    self._places[i, quantity] = place
+                    place += 1
+                masks[i] |= bit
                 bit <<= 1
-            status, position, torque = (self._places[i, name] for name in FEEDBACK)
+        self._all_fresh = bit - 1
+        self._axes: list[tuple[int, int, int, int, float, float, float, float, int]] = []
+        for i, scale in enumerate(self.scales):
+            status, position, torque = (self._places[i, quantity] for quantity in FEEDBACK)
             velocity = self._places.get((i, "velocity"), -1)
-            self._axes.append((status, position, velocity, torque, *self.scales[i].feedback, mask))
+            self._axes.append((status, position, velocity, torque, *scale.feedback, masks[i]))
         self._fresh = self._sync_ns = 0
         self._slopes: dict[int, _Slope] = {i: _Slope() for i, axis in enumerate(self._axes) if axis[2] < 0}
         self.reception = Reception()
@@ -148,25 +126,11 @@ class PdoCodec:
     @property
     def complete(self) -> bool:
         """Whether every TPDO of every drive has come since `begin_cycle`."""
-        return self._fresh.bit_count() == sum(len(table) for table in self._tables)
+        return self._fresh == self._all_fresh
 
     def receive(self, bus: int, buffer: bytearray | memoryview | bytes, end: int) -> None:
         """Take the frames ``buffer[:end]`` that `Channel.drain` filled on bus number ``bus``."""
-        table, raw = self._tables[bus], self._raw
-        fresh = self._fresh
-        with memoryview(buffer) as view, view[: end - end % FRAME_BYTES] as frames:
-            for can_id, length, data in FRAME.iter_unpack(frames):
-                entry = table.get(can_id)
-                if entry is None:
-                    self.reception.other.append((bus, can_id, data[: min(length, 8)]))
-                elif length != entry.length:
-                    self.reception.malformed.append((bus, can_id, length))
-                else:
-                    raw[entry.values] = entry.unpack.unpack(data)
-                    if fresh & entry.bit:
-                        self.reception.doubled += 1
-                    fresh |= entry.bit
-        self._fresh = fresh
+        self._fresh = self._inputs[bus].receive(buffer, end, self._fresh, self.reception)
 
     def feedback(self) -> Feedback:
         """What has come since `begin_cycle`, in SI units at the joint; a joint is valid when all its TPDOs came.
@@ -175,26 +139,34 @@ class PdoCodec:
         between their SYNCs; such a joint is not valid before its second position.
         """
         raw, fresh, now_ns = self._raw, self._fresh, self._sync_ns
-        result = Feedback([], [], [], [], [])
-        add_valid, add_status = result.valid.append, result.statusword.append
-        add_q, add_dq, add_tau = result.q.append, result.dq.append, result.tau.append
-        for i, (status, position, velocity, torque, k_q, zero, k_dq, k_tau, mask) in enumerate(self._axes):
-            if fresh & mask == mask:
-                speed = raw[velocity] if velocity >= 0 else self._slopes[i].counts_per_s(raw[position], now_ns)
-            else:
-                speed = None
-            if speed is not None:
-                add_valid(True)
-                add_status(raw[status])
-                add_q(raw[position] * k_q + zero)
-                add_dq(speed * k_dq)
-                add_tau(raw[torque] * k_tau)
-            else:
-                add_valid(False)
-                add_status(-1)
-                add_q(_NAN)
-                add_dq(_NAN)
-                add_tau(_NAN)
+        slopes = self._slopes
+        speeds: list[float | None] = [
+            (raw[velocity] if velocity >= 0 else slopes[i].counts_per_s(raw[position], now_ns))
+            if fresh & mask == mask
+            else None
+            for i, (_, position, velocity, _, _, _, _, _, mask) in enumerate(self._axes)
+        ]
+        if None in speeds:
+            return self._partial_feedback(speeds)
+        axes = self._axes
+        return Feedback(
+            [True] * len(axes),
+            [raw[axis[0]] for axis in axes],
+            [raw[position] * k + zero for _, position, _, _, k, zero, _, _, _ in axes],
+            [speed * axis[6] for speed, axis in zip(speeds, axes, strict=True)],  # type: ignore[operator]
+            [raw[axis[3]] * axis[7] for axis in axes],
+        )
+
+    def _partial_feedback(self, speeds: Sequence[float | None]) -> Feedback:
+        """Feedback where some joints' ``speeds`` (counts/s) are missing, and with them all else of these joints."""
+        raw, result = self._raw, Feedback([], [], [], [], [])
+        for speed, (status, position, _, torque, k_q, zero, k_dq, k_tau, _) in zip(speeds, self._axes, strict=True):
+            valid = speed is not None
+            result.valid.append(valid)
+            result.statusword.append(raw[status] if valid else -1)
+            result.q.append(raw[position] * k_q + zero if valid else _NAN)
+            result.dq.append(_NAN if speed is None else speed * k_dq)
+            result.tau.append(raw[torque] * k_tau if valid else _NAN)
         return result
 
     def raw_value(self, joint: int, name: str) -> int:
@@ -213,7 +185,7 @@ class _BusOutput:
             for pdo in maps:
                 if not pdo.receive:
                     continue
-                fmt += "IB3x" + "".join(_CODES[drive.object(name).type] for name in pdo.names) + f"{8 - pdo.length}x"
+                fmt += HEAD + "".join(CODES[drive.object(name).type] for name in pdo.names) + f"{8 - pdo.length}x"
                 self._arguments += [pdo.cob_id, pdo.length]
                 for name in pdo.names:
                     quantity = COMMANDS[name]
@@ -262,12 +234,6 @@ class _BusOutput:
             if not 0 <= controlword[i] <= 0xFFFF:
                 return f"joint {name}: controlword {controlword[i]} is not 16 bits"
         return "a command does not fit the mapped objects"
-
-
-def pdo_struct(pdo: PdoMap, drive: Drive) -> struct.Struct:
-    """The values of one PDO as a struct, padded to the 8 data bytes of a can_frame."""
-    codes = "".join(_CODES[drive.object(name).type] for name in pdo.names)
-    return struct.Struct("<" + codes + f"{8 - pdo.length}x")
 
 
 SYNC = pack(0x080)

@@ -84,7 +84,13 @@ class Gate:
         self.max_age = installation.cycle.missed_deadlines_to_stop
         """Cycles since a joint's feedback arrived, up to which a command may rest on it."""
         self._joints = tuple(JointGate.of(joint, self.period_s) for joint in installation.joint)
-        self._bounds = [(g.torque, g.torque_rate, g.low, g.high, g.velocity, g.step) for g in self._joints]
+        self._bounds = [
+            (
+                g.torque, g.torque_rate * self.period_s, g.low, g.high, g.velocity, g.step,
+                g.low - OVERTRAVEL_RAD, g.high + OVERTRAVEL_RAD, OVERSPEED * g.velocity,
+            )
+            for g in self._joints
+        ]  # fmt: skip
         self._q_d = [0.0] * len(self._joints)
         self._tau = [0.0] * len(self._joints)
 
@@ -113,14 +119,20 @@ class Gate:
         """
         if state not in COMMANDING:
             return self._check_idle(state, words, q_d, tau)
-        rate_s = torque_interval_s or self.period_s
         stopping = state is LoopState.STOPPING
+        # Most cycles pass everything: then the exceptions of stops and gaps need no look, nor do slower controllers.
+        if not stopping and not any(age) and self._passes(q_d, dq_d, tau, q, dq):
+            self._q_d, self._tau = list(q_d), list(tau)
+            return None
+        rate_s = torque_interval_s or self.period_s
         reference = position_is_sent or not stopping
         # Written so that NaN fails every comparison; `_reason` repeats them one by one where one failed.
-        for i, ((torque, rate, low, high, velocity, step), a, v, t, last_a, last_t) in enumerate(
-            zip(self._bounds, q_d, dq_d, tau, self._q_d, self._tau, strict=True)
+        for i, (g, a, v, t, last_a, last_t) in enumerate(
+            zip(self._joints, q_d, dq_d, tau, self._q_d, self._tau, strict=True)
         ):
-            passed = -torque <= t <= torque and -rate * rate_s <= t - last_t <= rate * rate_s
+            torque, low, high, velocity, step = g.torque, g.low, g.high, g.velocity, g.step
+            most = g.torque_rate * rate_s
+            passed = -torque <= t <= torque and -most <= t - last_t <= most
             if reference:
                 passed = passed and low <= a <= high and -velocity <= v <= velocity and -step <= a - last_a <= step
             if passed and not stopping:
@@ -135,6 +147,30 @@ class Gate:
                 return self._reason(i, a, v, t, q[i], dq[i], age[i], reference=reference, rate_s=rate_s)
         self._q_d, self._tau = list(q_d), list(tau)
         return None
+
+    def _passes(
+        self,
+        q_d: Sequence[float],
+        dq_d: Sequence[float],
+        tau: Sequence[float],
+        q: Sequence[float],
+        dq: Sequence[float],
+    ) -> bool:
+        """Whether every bound is kept with all joints heard of, and torques may change at each cycle."""
+        for (torque, change, low, high, velocity, step, lowest, highest, fastest), a, v, t, x, w, last_a, last_t in zip(
+            self._bounds, q_d, dq_d, tau, q, dq, self._q_d, self._tau, strict=True
+        ):
+            if not (
+                -torque <= t <= torque
+                and -change <= t - last_t <= change
+                and low <= a <= high
+                and -velocity <= v <= velocity
+                and -step <= a - last_a <= step
+                and lowest <= x <= highest
+                and -fastest <= w <= fastest
+            ):
+                return False
+        return True
 
     def _reason(
         self, i: int, a: float, v: float, t: float, x: float, w: float, age: int, *, reference: bool, rate_s: float

@@ -9,7 +9,7 @@ from config import Installation
 from driver.bus.errors import decode_error_frame
 from driver.bus.frames import ERROR_FLAG, Frame
 from driver.cia402.emergencies import decode_emergency
-from driver.cia402.pdo import Reception
+from driver.cia402.pdo_input import Reception
 from driver.cia402.states import State, describe_statusword
 from driver.cyclic.feedback import ArmFeedback
 

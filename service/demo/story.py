@@ -44,11 +44,17 @@ def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[Rende
     with _brought_up(out, lockstep=lockstep) as run:
         say("2. the thesis' three identification motions, and one to be judged on, go over the CAN bus to the drives")
         with DaemonClient(run, ARM) as daemon, progress() as tell:
-            session = daemon.call(
-                "identify_links",
-                {"hold_out_motions": list(HELD_OUT)},
-                lambda news: tell(news["stage"], news["share"]) if news["stage"] else None,
-            )
+            try:
+                session = daemon.call(
+                    "identify_links",
+                    {"hold_out_motions": list(HELD_OUT)},
+                    lambda news: tell(news["stage"], news["share"]) if news["stage"] else None,
+                )
+            except (ArmStopped, InputError) as stop:
+                slow = None if lockstep else too_slow(daemon.call("status"), str(stop))
+                if slow is None:
+                    raise
+                raise ArmStopped(slow) from None
     say("3. the links are identified from the recordings")
     outcome = _identified(session, out)
     for note in outcome.answer["notes"]:
@@ -67,6 +73,20 @@ def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[Rende
         "out": str(out),
     }
     return answer, shown
+
+
+def too_slow(status: dict[str, Any], stop: str) -> str | None:
+    """Why a demo in wall-clock time stopped, where its loop missed deadlines: the stand-in arm itself is in order.
+
+    None when no cycle was missed, and the cause ``stop`` is the whole story.
+    """
+    if not status["missed"]:
+        return None
+    return (
+        f"this machine was too slow to keep {load_installation(ARM).cycle.rate_hz:g} Hz in wall-clock time: "
+        f"{status['missed']} of {status['cycles']} cycles were skipped or lacked feedback ({stop}); "
+        "close other programs, or leave out --realtime"
+    )
 
 
 def _identified(session: dict[str, Any], out: Path) -> LinksOutcome:

@@ -25,7 +25,8 @@ from driver.bus.frames import Frame, MarkKind, iter_frames, pack, pack_mark
 from driver.cia402 import objects
 from driver.cia402.mapping import MODE_CODES, pdo_maps
 from driver.cia402.nodes import BusNodes, Nmt, NmtState
-from driver.cia402.pdo import SYNC, pdo_struct
+from driver.cia402.pdo import SYNC
+from driver.cia402.pdo_input import pdo_struct
 from driver.cia402.remap import remap
 from driver.cia402.states import Control, State, controlword_towards, state_of
 from virtual_hw.standin import run_standin

@@ -134,6 +134,15 @@ class LocalPort:
         self.connections.append(connection)
         return connection
 
+    def flush(self) -> list[Connection]:
+        """Send every host what it is to be told; returns those that have gone, for `drop`."""
+        gone = []
+        for connection in self.connections:
+            connection.flush()
+            if not connection.alive:
+                gone.append(connection)
+        return gone
+
     def drop(self, connection: Connection) -> None:
         self.connections.remove(connection)
         connection.close()
@@ -149,7 +158,7 @@ class LocalPort:
 
 
 def is_mark(raw: bytes) -> bool:
-    return raw.startswith(_MARK_ID_BYTES)
+    return raw[:4] == _MARK_ID_BYTES
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -7,6 +7,7 @@ from heapq import heapify, heappop, heappush
 
 from virtual_hw.bus.frames import INTERFRAME_BITS, arbitration_key, frame_bits
 
+MOST_IDENTIFIERS = 4096
 FrameHandler = Callable[[int, bytes], None]
 """Called with the time in ns and the ``struct can_frame``."""
 
@@ -22,6 +23,16 @@ class Controller:
         self.queued = 0
         self.lost = 0
         """Frames dropped because the transmit queue was full."""
+
+
+class _Identifier:
+    """What every frame with these four identifier bytes shares: its place in arbitration, and who listens for it."""
+
+    __slots__ = ("handlers", "key")
+
+    def __init__(self, key: int) -> None:
+        self.key = key
+        self.handlers: list[tuple[Controller, FrameHandler]] = []
 
 
 class Bus:
@@ -43,12 +54,12 @@ class Bus:
         """Time up to which the bus has been simulated."""
         self._bit_ns = 1e9 / bitrate
         self._free_ns = start_ns
-        self._waiting: list[tuple[int, int, bytes, Controller]] = []
+        self._waiting: list[tuple[int, int, bytes, Controller, _Identifier]] = []
         self._sequence = 0
-        self._on_wire: tuple[int, bytes, Controller] | None = None
+        self._on_wire: tuple[int, bytes, Controller, _Identifier] | None = None
         self._interframe_ns = int(INTERFRAME_BITS * self._bit_ns)
         self._ears: list[tuple[Controller, FrameHandler]] = []
-        self._handlers: dict[bytes, list[tuple[Controller, FrameHandler]]] = {}
+        self._identifiers: dict[bytes, _Identifier] = {}
         """By the four bytes of the identifier in a `struct can_frame`."""
         self._at_once = False
 
@@ -66,29 +77,36 @@ class Bus:
 
     def listen(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Have ``handler`` called for every frame of others with this identifier (its acceptance filter)."""
-        key = can_id.to_bytes(4, "little")
-        self._handlers[key] = [*self._handlers.get(key, ()), (controller, handler)]
+        identifier = self._identifier(can_id.to_bytes(4, "little"))
+        # A new list: a handler may be added or removed while the old one is being gone through.
+        identifier.handlers = [*identifier.handlers, (controller, handler)]
 
     def ignore(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Undo a `listen`."""
-        key = can_id.to_bytes(4, "little")
-        remaining = [entry for entry in self._handlers[key] if entry != (controller, handler)]
-        if remaining:
-            self._handlers[key] = remaining
-        else:
-            del self._handlers[key]
+        identifier = self._identifier(can_id.to_bytes(4, "little"))
+        identifier.handlers = [entry for entry in identifier.handlers if entry != (controller, handler)]
+
+    def _identifier(self, four: bytes) -> _Identifier:
+        known = self._identifiers.get(four)
+        if known is None:
+            if len(self._identifiers) >= MOST_IDENTIFIERS:
+                # Only extended identifiers are that many; those without listeners can be met again.
+                self._identifiers = {k: v for k, v in self._identifiers.items() if v.handlers}
+            known = self._identifiers[four] = _Identifier(arbitration_key(four))
+        return known
 
     def send(self, controller: Controller, raw: bytes) -> bool:
         """Queue a frame at the present time; False when the controller's queue is full and the frame is lost."""
         if self._at_once:
-            self._deliver(raw, controller)
+            self._deliver(raw, controller, self._identifier(raw[:4]))
             return True
         if controller.queued >= controller.depth:
             controller.lost += 1
             return False
         controller.queued += 1
         self._sequence += 1
-        heappush(self._waiting, (arbitration_key(raw[:4]), self._sequence, raw, controller))
+        identifier = self._identifier(raw[:4])
+        heappush(self._waiting, (identifier.key, self._sequence, raw, controller, identifier))
         return True
 
     def exchange_at_once(self, controller: Controller, raw: bytes) -> None:
@@ -98,13 +116,13 @@ class Bus:
         """
         self._at_once = True
         try:
-            self._deliver(raw, controller)
+            self._deliver(raw, controller, self._identifier(raw[:4]))
         finally:
             self._at_once = False
 
     def inject(self, controller: Controller, raw: bytes) -> None:
         """Deliver a frame that ``controller`` brings from elsewhere, where its transmission has just ended."""
-        self._deliver(raw, controller)
+        self._deliver(raw, controller, self._identifier(raw[:4]))
 
     def next_ns(self) -> int | None:
         """When there is something to do: a frame ends or the next one may start; None when nothing is to be sent."""
@@ -125,27 +143,27 @@ class Bus:
                 # A frame that would start just now waits: others may still join its arbitration.
                 if not waiting or start >= t_ns:
                     break
-                _, _, raw, sender = heappop(waiting)
+                _, _, raw, sender, identifier = heappop(waiting)
                 sender.queued -= 1
                 end = start + int(frame_bits(raw) * bit_ns)
                 self._free_ns = end + self._interframe_ns
                 if end > t_ns:
-                    self._on_wire = (end, raw, sender)
+                    self._on_wire = (end, raw, sender, identifier)
                     break
             else:
-                end, raw, sender = self._on_wire
+                end, raw, sender, identifier = self._on_wire
                 if end > t_ns:
                     break
                 self._on_wire = None
             self.clock_ns = end
-            self._deliver(raw, sender)
+            self._deliver(raw, sender, identifier)
         self.clock_ns = t_ns
 
-    def _deliver(self, raw: bytes, sender: Controller) -> None:
+    def _deliver(self, raw: bytes, sender: Controller, identifier: _Identifier) -> None:
         now = self.clock_ns
         for ear, hear in self._ears:
             if ear is not sender:
                 hear(now, raw)
-        for listener, handler in self._handlers.get(raw[:4], ()):
+        for listener, handler in identifier.handlers:
             if listener is not sender:
                 handler(now, raw)
