@@ -7,7 +7,17 @@ from __future__ import annotations
 
 import typer
 
-from service.cli import asking, checking, demonstrating, diagnosing, identifying, identifying_load, recorded, serving
+from service.cli import (
+    asking,
+    checking,
+    demonstrating,
+    diagnosing,
+    identifying,
+    identifying_load,
+    models,
+    recorded,
+    serving,
+)
 
 app = typer.Typer(
     name="etude",
@@ -30,6 +40,7 @@ app.command("run")(asking.run)
 identifying.app.command("load")(identifying_load.load)
 app.add_typer(identifying.app, name="identify")
 app.command("diagnose")(diagnosing.diagnose)
+app.add_typer(models.app, name="model")
 app.command("recordings")(recorded.recordings)
 app.command("replay")(recorded.replay)
 app.command("recover")(recorded.recover)

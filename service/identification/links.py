@@ -19,9 +19,9 @@ from estimator.identification import LinkIdentification
 from estimator.links import LinkOptions, identify_links
 from estimator.prediction import torque_history
 from estimator.trajectory import Trajectory
-from service.identification.model_file import write_link_model
 from service.identification.read import read_recordings
 from service.identification.request import LinksRequest
+from service.models.model_file import link_model_file, write_model
 from service.reports.torque_plot import plot_torques
 from service.sessions.store import write_atomically
 
@@ -58,7 +58,7 @@ def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> L
     except OSError as error:
         raise InputError(str(request.directory), f"cannot be made ({error.strerror})", "choose another --out") from None
     model = request.directory / "links.toml"
-    write_link_model(model, arm.name, result, read.sources)
+    write_model(model, link_model_file(arm.name, result, read.sources))
     urdf = _write_urdf(request.directory / "links.urdf", result, notes)
     plot = request.directory / "torques.png"
     plot_torques(plot, arm.name, result, (hold_out or trajectories)[0], held_out=bool(hold_out))

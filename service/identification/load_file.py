@@ -13,8 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from config import InputError
 from estimator.loads.parameters import RigidLoad, rigid_load
-from service.identification.model_file import LearntFrom, literal
 from service.identification.recorded import Source
+from service.models.model_file import LearntFrom
+from service.models.toml_text import literal
 from service.sessions.store import write_atomically
 
 FORMAT = 1

@@ -11,9 +11,11 @@ from config import InputError
 from config.loader import HERE
 from driver.recording import read_recording
 from estimator import inverse_dynamics, load_rigid_body
+from estimator.arm_model import ArmModel, FittedEffect
+from estimator.effects import Place
 from service.identification.links import identify
-from service.identification.model_file import read_link_model
 from service.identification.request import LinksRequest
+from service.models.model_file import ModelFile, arm_model, model_file, model_text, read_model, write_model
 
 URDF = HERE / "arms" / "dda" / "dda.urdf"
 JOINTS = ("joint1", "joint2", "joint3")
@@ -41,14 +43,14 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_model_is_read_back_with_its_sources(recorded: Path, tmp_path: Path) -> None:
     outcome = identify(LinksRequest((recorded,), tmp_path, arm=str(URDF)))
-    model = read_link_model(outcome.model)
+    model = read_model(outcome.model)
     assert model.arm == "dda"
     assert model.joints == JOINTS
     by_name = {p.name: p for p in model.base_parameter}
     for row in outcome.answer["base_parameters"]:
         assert by_name[row["name"]].value == row["value"]
         assert by_name[row["name"]].standard_error == row["standard_error"]
-    friction = {t.joint: t.value for t in model.joint_term if t.effect == "viscous_friction"}
+    friction = {e.joint: e.parameter["coefficient"].value for e in model.effect if e.name == "viscous_friction"}
     np.testing.assert_allclose([friction[j] for j in JOINTS], [2.0, 1.0, 0.3], rtol=0.05)
     source = model.learnt_from[0]
     assert (source.path, source.samples) == (str(recorded), len(read_recording(recorded).t))
@@ -77,10 +79,61 @@ def test_an_arm_must_be_named_where_the_recording_does_not(recorded: Path, tmp_p
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("not = = toml", "not valid TOML"), ('kind = "links"', "format"), ("", "format"), ("format = 2", "format")],
+    [("not = = toml", "not valid TOML"), ('kind = "model"', "format"), ("", "format"), ("format = 3", "format")],
 )
 def test_what_is_no_model_is_refused(text: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "links.toml"
     path.write_text(text)
     with pytest.raises(InputError, match=said):
-        read_link_model(path)
+        read_model(path)
+
+
+EXTENDED = [
+    FittedEffect("stribeck_friction", Place(1), {"level": 1.0, "breakaway": 2.0, "velocity": 0.1, "coefficient": 0.5}),
+    FittedEffect("coulomb_friction", Place(0), {"level": 3.0}, {"level": 0.1}, np.array([0.05])),
+    FittedEffect("transmission_coupling", Place(1, other=2),
+                 {"joint_other": 2.0, "ratio": -1.0, "coefficient": 0.2, "level": 0.1}, {}, np.array([0.02])),
+    FittedEffect("payload", Place(), {"mass": 2.0, "centre": np.array([0.1, 0.0, 0.2])},
+                 {"mass": 0.1, "centre": np.array([0.01, 0.01, 0.02])}),
+    FittedEffect("transport_delay", Place(channel="torque"), {"delay": 0.004}),
+]  # fmt: skip
+
+
+@pytest.fixture
+def extended() -> ModelFile:
+    return model_file("dda", ArmModel(load_rigid_body(URDF), tuple(EXTENDED)), "made up", [], version=2)
+
+
+def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: ModelFile, tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    write_model(path, extended)
+    read = read_model(path)
+    assert read == extended
+    assert read.address == extended.address
+    assert "<robot" in path.read_text(), "the URDF is there to be read"
+    t = np.linspace(0.0, 2.0, 400)
+    q = 1.0 + 0.5 * np.sin(3.0 * t)[:, None] * [1.0, 0.8, 1.2]
+    dq = np.gradient(q, t, axis=0)
+    ddq = np.gradient(dq, t, axis=0)
+    torque = ArmModel(load_rigid_body(URDF), tuple(EXTENDED)).torque(q, dq, ddq, t)
+    np.testing.assert_allclose(arm_model(read).torque(q, dq, ddq, t), torque, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "said"),
+    [
+        ('joint = "joint2"', 'joint = "elbow"', "no joint 'elbow'"),
+        ('name = "payload"', 'name = "gremlins"', "not in the catalogue"),
+        ("parameter.mass", "parameter.weight", "no 'weight'"),
+        ("joint3 = [", "joint3 = [1.0, ", "ten numbers"),
+    ],
+)
+def test_what_the_arm_cannot_have_is_refused(
+    found: str, put: str, said: str, extended: ModelFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "model.toml"
+    text = model_text(extended).replace('"joint3" =', "joint3 =")
+    assert found in text
+    path.write_text(text.replace(found, put))
+    with pytest.raises(InputError, match=said):
+        arm_model(read_model(path))
