@@ -19,6 +19,7 @@ from driver.recording.topic_messages import Batch, McapFile, records_by_length
 
 JOINT_STATE_TYPES = (ros2.JOINT_STATE, "sensor_msgs/JointState")
 WRENCH = "/wrench"
+WRENCH_TYPES = (ros2.WRENCH_STAMPED, "geometry_msgs/WrenchStamped")
 Nanoseconds = NDArray[np.int64]
 
 
@@ -59,7 +60,9 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
             gaps=gaps,
             notes=(*notes, *gap_notes(gaps)),
         )
-        return recording if metadata is None else _with_own_channels(recording, file, collected, stamp_ns, metadata)
+        if metadata is not None:
+            return _with_own_channels(recording, file, collected, stamp_ns, metadata)
+        return _with_foreign_wrench(recording, file, collected)
 
 
 class _Collected:
@@ -70,6 +73,8 @@ class _Collected:
         self._groups: dict[str, dict[tuple[str, ...], list[JointStateColumns]]] = {}
         self._stamps: list[Nanoseconds] = []
         self._wrenches: list[Array] = []
+        self.wrench_frame: str | None = None
+        """As the first message says it."""
         self._sentences: list[tuple[int, int, str]] = []
         joint_states = dict.fromkeys(_checked_channels(file, topic), topic)
         wrench, events = frozenset[int](), frozenset[int]()
@@ -77,6 +82,8 @@ class _Collected:
             joint_states |= {c.id: c.topic for name in (COMMAND, FEEDFORWARD) for c in file.channels_of(name)}
             wrench = frozenset(channel.id for channel in file.channels_of(WRENCH))
             events = frozenset(channel.id for channel in file.channels_of(EVENTS))
+        elif topics := _wrench_topics(file)[:1]:
+            wrench = frozenset(channel.id for channel in file.channels_of(topics[0]))
         for batch in file.batches(wrench | events | joint_states.keys()):
             for channel_id, name in joint_states.items():
                 self._take_joint_states(batch, channel_id, name)
@@ -99,6 +106,9 @@ class _Collected:
         """The stamp is at the body's start, the six numbers at its end, whatever the frame is called."""
         for _, rows in records_by_length(batch, channel_id):
             body = RECORD_HEAD_BYTES + 4
+            if self.wrench_frame is None and len(rows):
+                length = int.from_bytes(rows[0, body + 8 : body + 12].tobytes(), "little")
+                self.wrench_frame = rows[0, body + 12 : body + 11 + length].tobytes().decode(errors="replace")
             seconds = np.ascontiguousarray(rows[:, body : body + 4]).view("<i4")[:, 0].astype(np.int64)
             nanoseconds = np.ascontiguousarray(rows[:, body + 4 : body + 8]).view("<u4")[:, 0]
             self._stamps.append(seconds * SECOND + nanoseconds)
@@ -204,6 +214,30 @@ def _without_nan(
             "cut that part out of the recording, or repair what published it",
         )
     return values
+
+
+def _wrench_topics(file: McapFile) -> list[str]:
+    """Topics of WrenchStamped in cdr, /wrench first."""
+    found = [
+        name
+        for name, kind in file.topics().items()
+        if kind in WRENCH_TYPES and all(c.message_encoding == "cdr" for c in file.channels_of(name))
+    ]
+    return sorted(found, key=lambda name: (name != WRENCH, name))
+
+
+def _with_foreign_wrench(recording: Recording, file: McapFile, collected: _Collected) -> Recording:
+    """With the wrench of the file's WrenchStamped topic, where there is one; its samples keep times of their own."""
+    wrench_t, wrench = collected.wrench(recording.start_ns)
+    if wrench_t is None or wrench is None:
+        return recording
+    topics = _wrench_topics(file)
+    notes = recording.notes
+    if len(topics) > 1:
+        notes = (*notes, f"the wrench is that of {topics[0]}; {', '.join(topics[1:])} are left out")
+    order = np.argsort(wrench_t, kind="stable")
+    frame = collected.wrench_frame or None
+    return replace(recording, wrench_t=wrench_t[order], wrench=wrench[order], wrench_frame=frame, notes=notes)
 
 
 def _with_own_channels(

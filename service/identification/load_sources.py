@@ -71,9 +71,10 @@ def read_load_sources(request: LoadRequest, paths: Sequence[Path]) -> LoadSource
         read.append(recording)
     assert arm is not None
     assert body is not None
-    frame = request.frame or _configured_frame(arm, read[0].installation)
+    links = [f.name for f in body.model.frames][1:]
+    told = read[0].wrench_frame if read[0].wrench_frame in links else None
+    frame = request.frame or told or _configured_frame(arm, read[0].installation)
     if frame is None:
-        links = [f.name for f in body.model.frames][1:]
         raise InputError("--frame", f"the URDF does not say where the load is held ({', '.join(links)})", "name it")
     sources = tuple(source_of(path, recording) for path, recording in zip(paths, read, strict=True))
     return LoadSources(arm, body, frame, tuple(read), sources, tuple(notes))

@@ -204,7 +204,8 @@ def test_unknown_names_suggest_known_ones(dda: Installation) -> None:
     ):
         load_motion("dda-practise", dda)
     assert known_motions(dda) == (
-        "dda-controllers", "dda-identify-1", "dda-identify-2", "dda-identify-3", "dda-load", "dda-practice",
+        "dda-controllers", "dda-identify-1", "dda-identify-2", "dda-identify-3", "dda-load", "dda-load-poses",
+        "dda-load-test", "dda-practice",
     )  # fmt: skip
 
 

@@ -265,3 +265,27 @@ def test_a_real_recording_through_csv(tmp_path: Path) -> None:
     assert recording.dq is None
     assert recording.tau is not None
     assert recording.tau == pytest.approx(columns[1])
+
+
+def test_a_foreign_bag_brings_its_wrench(tmp_path: Path) -> None:
+    _, rows = samples(30)
+    values = np.random.default_rng(2).normal(size=(20, 6))
+    path = tmp_path / "wrench.mcap"
+    with path.open("wb") as stream:
+        writer = StockWriter(stream)
+        states = writer.register_msgdef(ros2.JOINT_STATE, ros2.DEFINITIONS[ros2.JOINT_STATE])
+        wrenches = writer.register_msgdef(ros2.WRENCH_STAMPED, ros2.DEFINITIONS[ros2.WRENCH_STAMPED])
+        for k, row in enumerate(rows):
+            writer.write_message("/joint_states", states, row, 1000 + k)
+        for k, (fx, fy, fz, nx, ny, nz) in enumerate(values.tolist()):
+            header = {"stamp": {"sec": 5, "nanosec": 1_000_000 + 3_000_000 * k}, "frame_id": "wrist_sensor"}
+            force, torque = {"x": fx, "y": fy, "z": fz}, {"x": nx, "y": ny, "z": nz}
+            message = {"header": header, "wrench": {"force": force, "torque": torque}}
+            writer.write_message("/ft/raw", wrenches, message, 2000 + k)
+        writer.finish()
+    recording = read_recording(path)
+    assert recording.wrench is not None
+    assert recording.wrench_t is not None
+    np.testing.assert_array_equal(recording.wrench, values)
+    np.testing.assert_allclose(recording.wrench_t, 0.001 + 0.003 * np.arange(20), atol=1e-9)
+    assert recording.wrench_frame == "wrist_sensor"
