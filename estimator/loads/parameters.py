@@ -109,8 +109,8 @@ class RigidLoad:
             for j in set(range(3)) - {i}:
                 turn = _entries(axes[i], axes[j])
                 # Eq. 3.24, 3.25: what turns axis i towards j is divided by the difference of their moments.
-                gap = max(abs(moments[i] - moments[j]), np.finfo(float).tiny)
-                variance[i] += turn @ inertia.covariance @ turn / gap**2
+                gap = float(abs(moments[i] - moments[j]))
+                variance[i] += turn @ inertia.covariance @ turn / gap**2 if gap > 1e-12 * moments[0] else np.inf
         error = np.minimum(np.sqrt(variance), np.pi / 2)
         return PrincipalAxes(axes, error, np.asarray(error < np.radians(20.0)))
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
+from estimator.loads import LoadRecording
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
@@ -117,3 +121,78 @@ def measured_dda(dda: RigidBody, thesis_motions: list[tuple[Array, ...]]) -> Cal
         return result
 
     return make
+
+
+@dataclass(frozen=True)
+class LoadedArm:
+    """The PUMA 600 with a block on its wrist, 200 Hz: 7 s of movement between two rests, and what the wrist feels."""
+
+    body: RigidBody
+    t: Array
+    q: Array
+    wrench: Array
+    mass: float
+    centre: Array
+    inertia: Array
+    offset: Array
+    noise: Array
+
+    def weigh(self, q: Array, dq: Array, ddq: Array, **other: Any) -> Array:
+        """Wrench by Newton and Euler about the centre, by pinocchio's single-sample kinematics of the tool."""
+        return newton_euler(
+            self.body, q, dq, ddq, **{"mass": self.mass, "centre": self.centre, "inertia": self.inertia} | other
+        )
+
+    def recording(
+        self,
+        seed: int = 0,
+        noise: float = 1.0,
+        angle_noise: float = 0.0,
+        wrench: Array | None = None,
+        start: float = 0.0,
+    ) -> LoadRecording:
+        """With white noise of the sensor, ``noise`` times the usual, and its offset."""
+        random = np.random.default_rng(seed)
+        felt = self.wrench if wrench is None else wrench
+        felt = felt + self.offset + noise * self.noise * random.normal(size=felt.shape)
+        q = self.q + angle_noise * random.normal(size=self.q.shape)
+        return LoadRecording(Trajectory(self.t, q, np.zeros_like(q), name=f"recording {seed}"), felt, start)
+
+
+def newton_euler(body: RigidBody, q: Array, dq: Array, ddq: Array, mass: float, centre: Array, inertia: Array) -> Array:
+    """f = m(c'' − g), n = I·w' + w×I·w + c×f of a body at the tool."""
+    data, frame = body.model.createData(), body.model.getFrameId("tool")
+    xx, xy, xz, yy, yz, zz = inertia
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    result = np.empty((len(q), 6))
+    for k in range(len(q)):
+        pin.forwardKinematics(body.model, data, q[k], dq[k], ddq[k])
+        pin.updateFramePlacements(body.model, data)
+        w = pin.getFrameVelocity(body.model, data, frame, pin.LOCAL).angular
+        a = pin.getFrameClassicalAcceleration(body.model, data, frame, pin.LOCAL)
+        g = data.oMf[frame].rotation.T @ body.gravity
+        force = mass * (a.linear + np.cross(a.angular, centre) + np.cross(w, np.cross(w, centre)) - g)
+        result[k, :3] = force
+        result[k, 3:] = tensor @ a.angular + np.cross(w, tensor @ w) + np.cross(centre, force)
+    return result
+
+
+@pytest.fixture(scope="session")
+def loaded_puma() -> LoadedArm:
+    body = load_rigid_body(ROOT / "config/arms/puma600/puma600.urdf")
+    random, t = np.random.default_rng(1), np.arange(1800) / 200.0
+    u = np.clip((t - 1.0) / 7.0, 0.0, 1.0)
+    q = np.zeros((len(t), 6))
+    for harmonic in (3, 5, 8):
+        size, phase = random.uniform(0.6, 1.8, 6) / harmonic, random.uniform(0, 6, 6)
+        q += size * np.sin(2 * np.pi * harmonic * u[:, None] + phase)
+    q *= np.sin(np.pi * u[:, None]) ** 2
+    dq = np.gradient(q, t, axis=0)
+    block = {
+        "mass": 1.106,
+        "centre": np.array([0.001, -0.02, 0.047]),
+        "inertia": np.array([0.0024, 1e-4, 0.0, 0.0019, 0.0, 0.0006]),
+    }
+    wrench = newton_euler(body, q, dq, np.gradient(dq, t, axis=0), **block)  # type: ignore[arg-type]
+    offset, noise = np.array([1.0, 2.0, -1.0, 0.1, 0.05, -0.2]), np.array([0.3] * 3 + [0.01] * 3)
+    return LoadedArm(body, t, q, wrench, offset=offset, noise=noise, **block)  # type: ignore[arg-type]
