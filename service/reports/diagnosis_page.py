@@ -1,0 +1,185 @@
+"""The page of a diagnosis: what the simulation gets wrong and why, read in a minute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from service.diagnosis.traces import Traces
+from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
+from service.reports.link_tables import figure
+from service.reports.page import Html, badge, element, folded, html, joined, page, section, table
+
+Answer = Mapping[str, Any]
+
+TITLES = {
+    "clean": "The simulation of {arm} is right, as far as these recordings can tell",
+    "named": "What the simulation of {arm} gets wrong",
+    "ambiguous": "What the simulation of {arm} gets wrong, and what is still open",
+    "unknown": "The simulation of {arm} misses something that has no name yet",
+}
+
+
+def diagnosis_page(answer: Answer, traces: Traces | None) -> str:
+    """The page as HTML, from the JSON answer of `diagnose` and the arrays beside it, without which it has no plots
+    but those of the alternatives.
+    """
+    held_out = answer["gain"]["held_out_torque"]
+    sections = [_finding(number, finding, traces) for number, finding in enumerate(answer["findings"])]
+    sections += [_unexplained(answer)] if answer["unexplained"] else []
+    if traces is not None:
+        sections.append(_residual(traces))
+    sections += [_gain(answer), _detectable(answer), _provenance(answer)]
+    facts = {
+        "verdict": answer["verdict"],
+        "explained on held-out motion": _percent(held_out["share_of_explainable"]),
+        "torques compared up to": f"{figure(answer['band_hz'])} Hz",
+        "learnt from": _recordings(answer),
+    }
+    title = TITLES[answer["verdict"]].format(arm=answer["arm"])
+    return page("Étude · diagnosis", title, _lead(answer), facts, sections)
+
+
+def _lead(answer: Answer) -> Html:
+    summary = [finding["sentence"] for finding in answer["findings"]]
+    if not summary and not answer["unexplained"]:
+        text = "Nothing repeats in the torques beyond their noise. What would have been seen stands below."
+    elif not summary:
+        joints = ", ".join(answer["unexplained"])
+        text = f"Something repeats in the torque of {joints} that no effect of the catalogue explains."
+    else:
+        held_out = answer["gain"]["held_out_torque"]
+        count = len(summary)
+        text = (
+            f"{'One cause' if count == 1 else f'{count} causes'} found. On motion that was not learnt from, the torque "
+            f"residual falls from {figure(held_out['before_rms'])} to {figure(held_out['after_rms'])} N·m rms: "
+            f"{_percent(held_out['share_of_explainable'])} of what any model could explain."
+        )
+    return joined([badge(answer["verdict"]), text])
+
+
+def _finding(number: int, finding: Mapping[str, Any], traces: Traces | None) -> Html:
+    sentence = element("p", badge(finding["status"]), _capital(finding["sentence"]), of="sentence")
+    signature = traces.signatures.get(number) if traces is not None else None
+    left = joined([signature_figure(number, signature)] if signature is not None else [])
+    label = f"{finding['effect'].replace('_', ' ')} · {finding['joint'] or finding['channel'] or 'arm'}"
+    right = [_parameters(finding)]
+    if finding["alternatives"]:
+        right += [
+            alternatives_figure(number, label, finding["alternatives"]),
+            element(
+                "p",
+                "Alternatives: nats that each is behind. In the shaded strip one is as good as the other.",
+                of="caption",
+            ),
+        ]
+    body = element("div", element("div", left), element("div", joined(right)), of="side") if left else joined(right)
+    return section("", sentence, body, _next(finding))
+
+
+def _parameters(finding: Mapping[str, Any]) -> Html:
+    rows = [
+        [name.replace("_", " "), _value(quantity["value"]), _value(quantity["standard_error"]), quantity["unit"]]
+        for name, quantity in finding["parameters"].items()
+    ]
+    evidence = finding["evidence"]
+    rows.append(["evidence", figure(evidence["log_likelihood_gain"]), "", "nats"])
+    rows.append(["chance of a false alarm", _chance(evidence["false_alarm_probability"]), "", ""])
+    return table(["parameter", "value", "± std. error", "unit"], rows, numbers=(1, 2))
+
+
+def _next(finding: Mapping[str, Any]) -> Html:
+    experiment = finding["next_experiment"]
+    if not experiment:
+        return Html("")
+    return element("p", element("b", "To decide: "), f"{experiment['sentence']}.", of="next")
+
+
+def _unexplained(answer: Answer) -> Html:
+    items = [
+        element(
+            "li", element("b", joint), f": {_percent(left['share'])} of what repeats is explained by nothing known. "
+        )
+        + html(_capital(left["signature"]))
+        for joint, left in answer["unexplained"].items()
+    ]
+    return section("What has no name", element("p", badge("unknown"), "Repeatable, beyond the noise, and by no law of "
+                   "the catalogue.", of="sentence"), element("ul", *map(Html, items)))  # fmt: skip
+
+
+def _residual(traces: Traces) -> Html:
+    caption = element(
+        "p",
+        f"Measured torque less the model's, {traces.recording}. Inside the shaded band nothing is left to explain.",
+        of="caption",
+    )
+    return section("Torque residual, before and after", element("div", residual_figure(traces), of="wide"), caption)
+
+
+def _gain(answer: Answer) -> Html:
+    rows = []
+    for joint, r in answer["torque_residual"].items():
+        largest = max(r["before_rms"], 1e-300)
+        bars = (("before", 1.0), ("after", r["after_rms"] / largest), ("noise", r["noise_rms"] / largest))
+        bar = "".join(f'<i class="{name}" style="width:{100 * min(1.0, share):.1f}%"></i>' for name, share in bars)
+        numbers = [figure(r[key]) for key in ("before_rms", "after_rms", "noise_rms")]
+        rows.append([joint, *numbers, Html(f'<div class="bar">{bar}</div>')])
+    held_out = answer["gain"]["held_out_torque"]
+    rows.append([element("b", "held out"), figure(held_out["before_rms"]), figure(held_out["after_rms"]), "",
+                 f"{_percent(held_out['share_of_explainable'])} of the explainable"])  # fmt: skip
+    simulation = answer["gain"]["simulation"]
+    if simulation:
+        rows.append([element("b", "simulated position"), f"{figure(simulation['position_before_rms'])} rad",
+                     f"{figure(simulation['position_after_rms'])} rad", "", "twin replaying the commands"])  # fmt: skip
+    headings = ["joint", "before [N·m rms]", "after", "noise", "red: what is left; black mark: the noise"]
+    return section("What it gains", table(headings, rows, numbers=(1, 2, 3)))
+
+
+def _detectable(answer: Answer) -> Html:
+    sizes: Mapping[str, Mapping[str, float]] = answer["smallest_detectable"]
+    if not sizes:
+        return Html("")
+    joints = list(dict.fromkeys(joint for by_joint in sizes.values() for joint in by_joint))
+    rows = [
+        [effect.replace("_", " "), *(figure(by_joint[j]) if j in by_joint else "" for j in joints)]
+        for effect, by_joint in sizes.items()
+    ]
+    tables = table(["effect", *joints], rows, numbers=range(1, len(joints) + 1))
+    heading = "What would have been seen"
+    caption = element(
+        "p", "The smallest size of each effect, in its own unit, that these recordings would have shown.", of="caption"
+    )
+    if answer["verdict"] == "clean":
+        return section(heading, tables, caption)
+    return section("", folded(heading, tables, caption))
+
+
+def _provenance(answer: Answer) -> Html:
+    items = [element("li", _capital(note)) for note in answer["notes"]]
+    items += [element("li", "Model: ", element("span", str(answer["model"]), of="path"))] if answer["model"] else []
+    return section("What this rests on", element("ul", *items)) if items else Html("")
+
+
+def _recordings(answer: Answer) -> str:
+    count = len(answer.get("recordings", ()))
+    return f"{count} recording{'s' * (count != 1)}" if count else ""
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return value
+    return "(" + ", ".join(figure(v) for v in value) + ")" if isinstance(value, list) else figure(value)
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _chance(probability: float | None) -> str:
+    return "–" if probability is None else "< 0.001" if probability < 1e-3 else f"{probability:.2g}"
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
