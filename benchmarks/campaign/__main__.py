@@ -8,14 +8,14 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
-from itertools import chain
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.campaign.campaign import run_campaign
-from benchmarks.campaign.finding import by_command
+from benchmarks.campaign.campaign import judged
+from benchmarks.campaign.finding import by_command, in_process
 from benchmarks.campaign.judging import Judgement
 from benchmarks.campaign.scenario import ALL, Plan, draw_plans
 from benchmarks.campaign.tally import CampaignFigure, mistaken, tally
@@ -29,21 +29,18 @@ def main() -> int:
             Plan(number, options.seed, plan.arm, (options.kind,), options.size, plan.scatter)
             for number, plan in enumerate(plans)
         ]
-    judged: list[Judgement] = []
+    results: list[Judgement] = []
+    finder = by_command if options.command else in_process
     with ProcessPoolExecutor(options.processes) as pool:
-        for judgement in chain.from_iterable(pool.map(_judge_one, plans)):
-            judged.append(judgement)
+        for judgement in pool.map(partial(judged, finder=finder, kept=options.keep), plans):
+            results.append(judgement)
             mark = "✗" if judgement.wrong else " "
             print(f"{mark} {judgement.sentence} [{judgement.seconds:.1f} s]", file=sys.stderr, flush=True)
-    figures = tally(judged)
-    _print(figures, judged)
+    figures = tally(results)
+    _print(figures, results)
     if options.json:
         options.json.write_text(json.dumps([asdict(f) for f in figures], indent=1, ensure_ascii=False) + "\n")
     return 0
-
-
-def _judge_one(plan: Plan) -> list[Judgement]:
-    return list(run_campaign([plan], by_command))
 
 
 def _options() -> argparse.Namespace:
@@ -53,6 +50,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=2, help="at the same time (2)")
     parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
+    parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
+    parser.add_argument("--keep", type=Path, help="keep sealed scenarios here, and take those that are there")
     parser.add_argument("--json", type=Path, help="write the figures here too")
     return parser.parse_args()
 

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from benchmarks.campaign.arms import true_arm
 from benchmarks.campaign.finding import Finder
 from benchmarks.campaign.judging import Judgement, judge
 from benchmarks.campaign.scenario import Plan, stage
-from benchmarks.campaign.sealing import seal
+from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
 
 TACHOMETERS = frozenset({"dda"})
 
 
-def run_campaign(plans: Iterable[Plan], finder: Finder) -> Iterator[Judgement]:
-    """Judge the finder on every plan, one after the other. Whatever it raises is raised here."""
-    for plan in plans:
-        with tempfile.TemporaryDirectory(prefix="etude-campaign-") as name:
-            folder = Path(name)
-            (folder / "question").mkdir()
-            staged = stage(plan, folder / "question")
-            question, envelope = seal(staged, true_arm(plan.arm).joints, plan.arm in TACHOMETERS, folder)
-            begin = time.perf_counter()
-            answer = finder(question)
-            seconds = time.perf_counter() - begin
-            yield judge(envelope.open(), answer, seconds)
+def judged(plan: Plan, finder: Finder, kept: Path | None = None) -> Judgement:
+    """The finder, judged on one scenario. Whatever it raises is raised here.
+
+    ``kept``: a folder where sealed scenarios stay, so that a finder that has changed can be asked again.
+    """
+    with tempfile.TemporaryDirectory(prefix="etude-campaign-") as name:
+        folder = Path(name) if kept is None else kept / plan.name
+        question, envelope = found_sealed(folder) or sealed(plan, folder)
+        begin = time.perf_counter()
+        answer = finder(question)
+        seconds = time.perf_counter() - begin
+        return judge(envelope.open(), answer, seconds)
+
+
+def sealed(plan: Plan, folder: Path) -> tuple[Question, Envelope]:
+    """Play the plan's scenario and seal it in ``folder``."""
+    (folder / QUESTION).mkdir(parents=True)
+    staged = stage(plan, folder / QUESTION)
+    return seal(staged, true_arm(plan.arm).joints, plan.arm in TACHOMETERS, folder)

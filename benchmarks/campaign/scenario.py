@@ -46,6 +46,12 @@ class Plan:
     scatter: float = 0.05
     seconds: float = 60.0
 
+    @property
+    def name(self) -> str:
+        """Of its folder, where it is kept."""
+        kinds = "+".join(self.kinds).replace(":", "-") or "clean"
+        return f"{self.seed}-{self.number:04d}-{self.arm}-{kinds}-{self.size:g}-{self.scatter:g}-{self.seconds:g}s"
+
 
 @dataclass(frozen=True)
 class TrueCause:

@@ -13,19 +13,26 @@ import numpy as np
 from benchmarks.campaign.playing import Run
 from benchmarks.campaign.scenario import Staged, Truth
 
+QUESTION, ANSWER, HELD_OUT = "question", "answer", "held-out"
+
 
 @dataclass(frozen=True)
 class Question:
-    """What the finder is given."""
+    """What the finder is given: one folder with a URDF and recordings."""
 
-    urdf: Path
-    learnt: tuple[Path, ...]
-    held_out: tuple[Path, ...]
+    folder: Path
 
     @property
-    def seconds(self) -> float:
-        """Of motion to learn from, by the first column of the files."""
-        return sum(_last_time(path) - _first_time(path) for path in self.learnt)
+    def urdf(self) -> Path:
+        return self.folder / "arm.urdf"
+
+    @property
+    def learnt(self) -> tuple[Path, ...]:
+        return tuple(sorted(p for p in self.folder.glob("*.csv") if not p.name.startswith(HELD_OUT)))
+
+    @property
+    def held_out(self) -> tuple[Path, ...]:
+        return tuple(sorted(self.folder.glob(f"{HELD_OUT}*.csv")))
 
 
 @dataclass(frozen=True)
@@ -40,33 +47,39 @@ class Envelope:
         """Write the answer to ``path``."""
         text = json.dumps(truth.as_json(), indent=1, sort_keys=True, allow_nan=False)
         path.write_text(text, encoding="utf-8")
-        return Envelope(path, hashlib.sha256(text.encode()).hexdigest())
+        return Envelope(path, _digest(text))
 
     def open(self) -> Truth:
         """Read the answer. Raises ValueError where it was changed since."""
         text = self.path.read_text(encoding="utf-8")
-        if hashlib.sha256(text.encode()).hexdigest() != self.digest:
+        if _digest(text) != self.digest:
             raise ValueError(f"{self.path}: the envelope was changed after it was closed")
         return Truth.from_json(json.loads(text))
 
 
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def seal(staged: Staged, joints: Sequence[str], tachometers: bool, folder: Path) -> tuple[Question, Envelope]:
-    """Write recordings into ``folder``/question and the answer into ``folder``/answer.
+    """Write recordings beside the staged URDF, in ``folder``/question, and the answer into ``folder``/answer.
 
     Without tachometers the velocity is left out: a drive's own differences of its counts hold nothing new.
     """
-    question, answer = folder / "question", folder / "answer"
-    question.mkdir(exist_ok=True)
-    answer.mkdir()
-    learnt: list[Path] = []
-    held_out: list[Path] = []
+    (folder / ANSWER).mkdir()
     for number, run in enumerate(staged.runs, 1):
-        kept = held_out if run.motion.startswith("held-out") else learnt
-        path = question / f"{'held-out' if kept is held_out else 'run'}-{number:02d}.csv"
-        write_run(run, joints, tachometers, path)
-        kept.append(path)
-    envelope = Envelope.close(staged.truth, answer / "truth.json")
-    return Question(staged.urdf, tuple(learnt), tuple(held_out)), envelope
+        kind = HELD_OUT if run.motion.startswith(HELD_OUT) else "run"
+        write_run(run, joints, tachometers, folder / QUESTION / f"{kind}-{number:02d}.csv")
+    envelope = Envelope.close(staged.truth, folder / ANSWER / "truth.json")
+    return Question(folder / QUESTION), envelope
+
+
+def found_sealed(folder: Path) -> tuple[Question, Envelope] | None:
+    """A scenario that was sealed into ``folder`` before, or None."""
+    path = folder / ANSWER / "truth.json"
+    if not path.is_file():
+        return None
+    return Question(folder / QUESTION), Envelope(path, _digest(path.read_text(encoding="utf-8")))
 
 
 def write_run(run: Run, joints: Sequence[str], with_velocity: bool, path: Path) -> None:
@@ -76,14 +89,3 @@ def write_run(run: Run, joints: Sequence[str], with_velocity: bool, path: Path) 
     np.savetxt(
         path, np.column_stack([run.t, *quantities.values()]), fmt="%.9g", delimiter=",", header=header, comments=""
     )
-
-
-def _first_time(path: Path) -> float:
-    with path.open(encoding="utf-8") as lines:
-        next(lines)
-        return float(next(lines).split(",", 1)[0])
-
-
-def _last_time(path: Path) -> float:
-    with path.open(encoding="utf-8") as lines:
-        return float(list(lines)[-1].split(",", 1)[0])

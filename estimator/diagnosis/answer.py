@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.traces import Traces
 from estimator.effects import Place
 
 Array = NDArray[np.float64]
@@ -97,5 +98,6 @@ class Diagnosis:
     """By effect and joint (None: the whole arm), in the unit of the effect's first measured parameter."""
     notes: tuple[str, ...]
     """What a reader must know to trust it: where the noise comes from, what the motion cannot tell."""
+    traces: Traces
     band: float
     """Hz up to which torques were compared."""

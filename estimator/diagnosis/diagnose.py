@@ -17,6 +17,7 @@ from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.torques import left_out_power, plain_blocks, residual_power, torque_channels
+from estimator.diagnosis.traces import Traces, traces
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -60,6 +61,7 @@ def diagnose(
         held_out=_held_out(evidence, search, refined, body, hold_out),
         smallest_detectable=smallest_detectable(search, chosen),
         notes=tuple(_notes(evidence)),
+        traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
     )
 
@@ -156,6 +158,12 @@ def _held_out(
     share = (worst - best) / (worst - noise) if worst > noise else 0.0
     count = len(chosen)
     return HeldOut(float(np.sqrt(worst / count)), float(np.sqrt(best / count)), float(np.clip(share, -1.0, 1.0)))
+
+
+def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:
+    """Shown on what was held out where there is some."""
+    shown = cut(body, evidence.grid, hold_out) if hold_out else evidence.pieces
+    return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.rms, body.joints)
 
 
 def _notes(evidence: Evidence) -> list[str]:

@@ -29,6 +29,7 @@ class AsymmetricFriction(JointEffect):
     hidden = (0,)
     confused_with = ("torque_offset", "stribeck_friction")
     contains = ("coulomb_friction", "viscous_friction")
+    seen_against = "dq"
     experiment = "move joint {joint} at a high constant speed, both ways, and rest between"
 
     def grid(self, place: Place, scales: Scales) -> Array:

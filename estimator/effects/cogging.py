@@ -22,6 +22,7 @@ class Cogging(JointEffect):
     name = "cogging"
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
     confused_with = ("encoder_eccentricity", "torque_ripple")
+    seen_against = "q"
     experiment = "sweep joint {joint} slowly through full turns, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -27,6 +27,7 @@ class CoulombFriction(JointEffect):
     units: ClassVar = {"level": "N·m"}
     hidden = (0,)
     confused_with = ("viscous_friction", "stribeck_friction", "presliding")
+    seen_against = "dq"
     experiment = "move joint {joint} at six or more constant speeds, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:

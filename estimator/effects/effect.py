@@ -30,6 +30,7 @@ from estimator.twin.plant import PlantDraft
 Array = NDArray[np.float64]
 
 Equation = Literal["torque", "velocity", "wrench"]
+SeenAgainst = Literal["q", "dq", "ddq", "tau", "t", "law"]
 Parameters = Mapping[str, float | Array]
 """The catalogue's parameters by name: numbers, and vectors (a centre, a matrix row after row)."""
 NO_THETA = np.zeros((1, 0))
@@ -59,6 +60,8 @@ class Effect(ABC):
     """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
     experiment: ClassVar[str]
     """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint's name."""
+    seen_against: ClassVar[SeenAgainst] = "law"
+    """The quantity of the joint against which its torque shows its form; ``law``: its own prediction."""
     equation: ClassVar[Equation] = "torque"
     """Of all its places but those that `equation_at` knows better."""
 

@@ -21,6 +21,7 @@ class EncoderEccentricity(JointEffect):
     name = "encoder_eccentricity"
     units: ClassVar = {"amplitude": "rad", "phase": "rad"}
     confused_with = ("cogging",)
+    seen_against = "q"
     experiment = "turn joint {joint} slowly through full turns, both ways"
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:

@@ -19,6 +19,7 @@ class EncoderOffset(JointEffect):
     name = "encoder_offset"
     units: ClassVar = {"offset": "rad"}
     confused_with = ("payload", "base_tilt", "link_inertia")
+    seen_against = "q"
     experiment = "rest in a grid of poses under two payloads, or hold a level to the link of joint {joint}"
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:

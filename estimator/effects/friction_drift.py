@@ -27,6 +27,7 @@ class FrictionDrift(JointEffect):
     hidden = (1,)
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
+    seen_against = "t"
     experiment = "repeat the first motion of joint {joint} last, after some minutes of work"
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -21,6 +21,7 @@ class JointSpring(JointEffect):
     units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad"}
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
+    seen_against = "q"
     experiment = "rest in a grid of poses over the range of joint {joint}"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

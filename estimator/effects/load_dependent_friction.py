@@ -22,6 +22,7 @@ class LoadDependentFriction(JointEffect):
     units: ClassVar = {"coefficient": "–"}
     hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")
+    seen_against = "dq"
     experiment = "play the same path under two payloads"
 
     def grid(self, place: Place, scales: Scales) -> Array:

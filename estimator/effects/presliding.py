@@ -26,6 +26,7 @@ class Presliding(JointEffect):
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)
+    seen_against = "dq"
     experiment = "reverse joint {joint} over a few milliradians, at several speeds"
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -27,6 +27,7 @@ class StribeckFriction(JointEffect):
     units: ClassVar = {"level": "N·m", "breakaway": "N·m", "velocity": "rad/s", "coefficient": "N·m·s/rad"}
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")
+    seen_against = "dq"
     experiment = "move joint {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:

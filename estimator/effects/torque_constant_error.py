@@ -23,6 +23,7 @@ class TorqueConstantError(JointEffect):
     name = "torque_constant_error"
     units: ClassVar = {"gain": "–"}
     confused_with = ("load_dependent_friction", "rotor_inertia", "link_inertia", "payload")
+    seen_against = "tau"
     experiment = "rest in several poses with a known payload on joint {joint}, and without"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

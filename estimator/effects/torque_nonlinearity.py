@@ -27,6 +27,7 @@ class TorqueNonlinearity(JointEffect):
     units: ClassVar = {"limit": "N·m", "dead_zone": "N·m"}
     hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")
+    seen_against = "tau"
     experiment = "let the torque of joint {joint} rise slowly towards its limit, and pass slowly through zero"
 
     def grid(self, place: Place, scales: Scales) -> Array:

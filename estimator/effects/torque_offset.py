@@ -18,6 +18,7 @@ class TorqueOffset(JointEffect):
     name = "torque_offset"
     units: ClassVar = {"offset": "N·m"}
     confused_with = ("asymmetric_friction", "base_tilt", "joint_spring")
+    seen_against = "t"
     experiment = "rest in several poses"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

@@ -29,6 +29,7 @@ class TransmissionCoupling(Effect):
     units: ClassVar = {"joint_other": "–", "ratio": "–", "coefficient": "N·m·s/rad", "level": "N·m"}
     hidden = (1,)
     confused_with = ("coulomb_friction", "viscous_friction")
+    seen_against = "dq"
     experiment = "move joint {joint} alone, the joint it shares a transmission with alone, then both together"
 
     def places(self, body: RigidBody) -> list[Place]:

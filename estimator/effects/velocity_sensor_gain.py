@@ -20,6 +20,7 @@ class VelocitySensorGain(JointEffect):
     name = "velocity_sensor_gain"
     units: ClassVar = {"gain": "–"}
     confused_with = ("viscous_friction",)
+    seen_against = "dq"
     experiment = "compare the velocity of joint {joint} with the slope of its angle"
     equation = "velocity"
 

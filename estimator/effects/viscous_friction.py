@@ -18,6 +18,7 @@ class ViscousFriction(JointEffect):
     name = "viscous_friction"
     units: ClassVar = {"coefficient": "N·m·s/rad"}
     confused_with = ("coulomb_friction", "stribeck_friction")
+    seen_against = "dq"
     experiment = "move joint {joint} at six or more constant speeds, both ways"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from config import InputError
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, JsonOption
+from service.cli.options import ArmOption, JsonOption, new_directory
 from service.identification.request import as_paths
 
 
@@ -34,6 +35,9 @@ def diagnose(
     tolerance: Annotated[
         float, typer.Option("--tolerance", metavar="SHARE", help="How exactly the model's link parameters are known.")
     ] = 0.05,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where answer and page go. [the state directory]")
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Name what the arm's model gets wrong, from recordings."""
@@ -51,6 +55,7 @@ def diagnose(
         hold=parse_holds(hold or []),
         topic=topic,
         tolerance=tolerance,
+        directory=out.absolute() if out else new_directory("diagnosis"),
     )
     with progress() as tell:
         answer = diagnose_recordings(request, tell).answer

@@ -90,15 +90,37 @@ def export(
 
 
 def report(
-    session: Annotated[str, typer.Argument(metavar="SESSION", help="A session's id, or 'last'.")],
+    session: Annotated[
+        str,
+        typer.Argument(
+            metavar="SESSION|FILE", help="A session's id, 'last', or a kept answer: its JSON file, or its directory."
+        ),
+    ],
     arm: ArmOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Tell what a session did and found."""
+    """Tell what a session did and found, and make its page; or make the page of a kept answer."""
+    from service.reports.page import write_page
+    from service.reports.pages import page_of, page_of_file
+
+    kept = Path(session)
+    if kept.exists():
+        made = page_of_file(kept)
+        publish({"page": str(made)}, json, f"page: {made}")
+        return
     found = _found(session, arm)
     result = found.result()
-    answer = {**found.record.model_dump(mode="json"), "directory": str(found.directory), "result": result}
-    publish(answer, json, *_shown(found, result))
+    text = None if result is None else page_of(result, found.directory)
+    page = None if text is None else found.directory / "report.html"
+    if page is not None and text is not None:
+        write_page(page, text)
+    answer = {
+        **found.record.model_dump(mode="json"),
+        "directory": str(found.directory),
+        "result": result,
+        "page": None if page is None else str(page),
+    }
+    publish(answer, json, *_shown(found, result), *([] if page is None else [f"page: {page}"]))
 
 
 def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableType]:

@@ -18,3 +18,5 @@ class DiagnoseRequest:
     hold: Mapping[str, float] = field(default_factory=dict)
     topic: str = "/joint_states"
     tolerance: float = 0.05
+    directory: Path | None = None
+    """Where the answer, its traces and its page are kept; None: nowhere."""

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.diagnosis.traces import Signature, Traces
+from estimator.diagnosis.traces import Signature, Traces
 from service.reports.inline_figure import ACCENT, INK, MUTED, axes_of, svg
 from service.reports.page import Html
 
 Array = NDArray[np.float64]
 
 BINS = 60
+"""At most; fewer where there are few samples."""
 FEWEST = 4
 """Samples that a bin needs to be drawn."""
 POINTS = 4000
@@ -25,35 +26,31 @@ NEAR = 3.0
 
 def signature_figure(number: int, signature: Signature) -> Html:
     """What one finding explains, against what it depends on: cloud, mean of the cloud, and the law over it."""
-    fig, (axis,) = axes_of(6.4, 3.5)
+    fig, (axis,) = axes_of(6.4, 4.2)
     step = max(1, len(signature.x) // POINTS)
     cloud = (signature.x[::step], signature.measured[::step])
-    axis.plot(*cloud, ".", color="#b9c3d1", ms=2.2, alpha=0.55, rasterized=True, label="measured, less the rest")
-    centres, mean = binned(signature.x, signature.measured)
-    axis.plot(centres, mean, "o", color=INK, ms=3.4, label="its mean", zorder=3)
-    centres, law = binned(signature.x, signature.law)
-    axis.plot(centres, law, color=ACCENT, lw=2.2, label="the law", zorder=4)
+    axis.plot(*cloud, ".", color="#9aa8ba", ms=3.0, alpha=0.5, rasterized=True, label="measured, less the rest")
+    axis.plot(*binned(signature.x, signature.measured), "o", color=INK, ms=3.6, label="its mean", zorder=3)
+    axis.plot(*binned(signature.x, signature.law), color=ACCENT, lw=2.2, label="the law", zorder=4)
     low, high = np.quantile(signature.measured, [0.005, 0.995])
     room = 0.12 * max(high - low, 1e-12)
     axis.set_ylim(low - room, high + room)
-    unit = f" [{signature.unit}]" if signature.unit else ""
-    axis.set_xlabel(f"{signature.quantity}{unit}")
-    axis.set_ylabel("torque [N·m]")
+    axis.set_xlabel(f"{signature.quantity} [{signature.unit}]")
+    axis.set_ylabel(f"{signature.channel} [{signature.channel_unit}]")
     axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.13), ncols=3, frameon=False, fontsize=8.5, handlelength=1.4)
-    return svg(fig, f"signature-{number}", f"residual torque against {signature.quantity} with the fitted law")
+    return svg(fig, f"signature-{number}", f"{signature.channel} against {signature.quantity}, with the fitted law")
 
 
 def binned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Centres of equal bins over ``x`` and the mean of ``y`` in each that has samples enough; NaN between them."""
+    """Mean of ``x`` and of ``y`` in equal bins over ``x``, those that have samples enough."""
     low, high = np.quantile(x, [0.002, 0.998])
-    edges = np.linspace(low, high, BINS + 1)
-    k = np.digitize(x, edges) - 1
-    inside = (k >= 0) & (k < BINS)
-    count = np.bincount(k[inside], minlength=BINS)
-    total = np.bincount(k[inside], weights=y[inside], minlength=BINS)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count >= FEWEST, total / count, np.nan)
-    return 0.5 * (edges[1:] + edges[:-1]), mean
+    bins = int(np.clip(len(x) // 20, 8, BINS))
+    k = np.digitize(x, np.linspace(low, high, bins + 1)) - 1
+    inside = (k >= 0) & (k < bins)
+    count = np.bincount(k[inside], minlength=bins)
+    kept = count >= FEWEST
+    means = [np.bincount(k[inside], weights=values[inside], minlength=bins)[kept] / count[kept] for values in (x, y)]
+    return means[0], means[1]
 
 
 def alternatives_figure(number: int, label: str, alternatives: Sequence[Mapping[str, Any]]) -> Html:
@@ -68,7 +65,9 @@ def alternatives_figure(number: int, label: str, alternatives: Sequence[Mapping[
     for row, name, gap, end in zip(rows, names, gaps, length, strict=True):
         axis.text(0.0, row - 0.24, name, fontsize=8.5, color=INK, va="bottom", weight="bold" if row == 0 else "normal")
         if row:
-            axis.text(end + 0.04, row, f"{gap:.3g}", fontsize=8.5, color=INK, va="center")
+            axis.text(
+                end + 0.04, row, f"{gap:.0f}" if gap >= 100.0 else f"{gap:.2g}", fontsize=8.5, color=INK, va="center"
+            )
     axis.set_ylim(len(names) - 0.5, -0.75)
     axis.set_xlim(0.0, max(float(length.max()) * 1.18, 1.2))
     axis.set_yticks([])
@@ -80,13 +79,13 @@ def alternatives_figure(number: int, label: str, alternatives: Sequence[Mapping[
     return svg(fig, f"alternatives-{number}", "how far behind the alternatives are")
 
 
-def residual_figure(traces: Traces) -> Html:
+def residual_figure(traces: Traces, names: Sequence[str]) -> Html:
     """Torque residual over time, before and after, one panel a joint, with a band of twice the noise."""
-    joints = len(traces.joints)
+    joints = len(names)
     fig, panels = axes_of(10.4, 0.7 + 1.15 * joints, joints, share_x=True)
     step = max(1, len(traces.t) // POINTS)
-    for i, (axis, joint) in enumerate(zip(panels, traces.joints, strict=True)):
-        noise = 2.0 * float(traces.noise_rms[i])
+    for i, (axis, joint) in enumerate(zip(panels, names, strict=True)):
+        noise = 2.0 * float(traces.noise[i])
         axis.axhspan(-noise, noise, color="#e8eef6", lw=0, label="± 2 noise")
         axis.plot(traces.t[::step], traces.before[::step, i], color=MUTED, lw=0.9, label="given model")
         axis.plot(traces.t[::step], traces.after[::step, i], color=ACCENT, lw=0.9, label="with the findings")

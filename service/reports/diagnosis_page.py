@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import floor, log10
+from pathlib import Path
 from typing import Any
 
-from service.diagnosis.traces import Traces
+from estimator.diagnosis.traces import Traces
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
 from service.reports.link_tables import figure
 from service.reports.page import Html, badge, element, folded, html, joined, page, section, table
@@ -28,7 +30,7 @@ def diagnosis_page(answer: Answer, traces: Traces | None) -> str:
     sections = [_finding(number, finding, traces) for number, finding in enumerate(answer["findings"])]
     sections += [_unexplained(answer)] if answer["unexplained"] else []
     if traces is not None:
-        sections.append(_residual(traces))
+        sections.append(_residual(answer, traces))
     sections += [_gain(answer), _detectable(answer), _provenance(answer)]
     facts = {
         "verdict": answer["verdict"],
@@ -60,7 +62,7 @@ def _lead(answer: Answer) -> Html:
 
 def _finding(number: int, finding: Mapping[str, Any], traces: Traces | None) -> Html:
     sentence = element("p", badge(finding["status"]), _capital(finding["sentence"]), of="sentence")
-    signature = traces.signatures.get(number) if traces is not None else None
+    signature = traces.signatures[number] if traces is not None else None
     left = joined([signature_figure(number, signature)] if signature is not None else [])
     label = f"{finding['effect'].replace('_', ' ')} · {finding['joint'] or finding['channel'] or 'arm'}"
     right = [_parameters(finding)]
@@ -79,7 +81,7 @@ def _finding(number: int, finding: Mapping[str, Any], traces: Traces | None) -> 
 
 def _parameters(finding: Mapping[str, Any]) -> Html:
     rows = [
-        [name.replace("_", " "), _value(quantity["value"]), _value(quantity["standard_error"]), quantity["unit"]]
+        [name.replace("_", " "), *_with_error(quantity["value"], quantity["standard_error"]), quantity["unit"]]
         for name, quantity in finding["parameters"].items()
     ]
     evidence = finding["evidence"]
@@ -107,13 +109,17 @@ def _unexplained(answer: Answer) -> Html:
                    "the catalogue.", of="sentence"), element("ul", *map(Html, items)))  # fmt: skip
 
 
-def _residual(traces: Traces) -> Html:
+def _residual(answer: Answer, traces: Traces) -> Html:
     caption = element(
         "p",
-        f"Measured torque less the model's, {traces.recording}. Inside the shaded band nothing is left to explain.",
+        f"Measured less predicted, {_shown(answer, traces)}. Inside the shaded band nothing is left to explain.",
         of="caption",
     )
-    return section("Torque residual, before and after", element("div", residual_figure(traces), of="wide"), caption)
+    return section(
+        "Torque residual, before and after",
+        element("div", residual_figure(traces, list(answer["torque_residual"])), of="wide"),
+        caption,
+    )
 
 
 def _gain(answer: Answer) -> Html:
@@ -160,17 +166,29 @@ def _provenance(answer: Answer) -> Html:
     return section("What this rests on", element("ul", *items)) if items else Html("")
 
 
+def _shown(answer: Answer, traces: Traces) -> str:
+    """Which recording it is."""
+    held_out = answer["hold_out"]
+    name = Path((held_out or answer["recordings"])[traces.recording]).name
+    return f"in {name}, which was not learnt from" if held_out else f"in {name}"
+
+
 def _recordings(answer: Answer) -> str:
-    count = len(answer.get("recordings", ()))
+    count = len(answer["recordings"])
     return f"{count} recording{'s' * (count != 1)}" if count else ""
 
 
-def _value(value: Any) -> str:
-    if value is None:
-        return ""
+def _with_error(value: Any, error: Any) -> tuple[str, str]:
+    """A parameter and its standard error: the error with two digits, the value to the same place."""
     if isinstance(value, str):
-        return value
-    return "(" + ", ".join(figure(v) for v in value) + ")" if isinstance(value, list) else figure(value)
+        return value, ""
+    if isinstance(value, list):
+        pairs = [_with_error(v, e) for v, e in zip(value, error, strict=True)]
+        return ", ".join(v for v, _ in pairs), ", ".join(e for _, e in pairs)
+    if value is None or not error or not 1e-9 < abs(error) < 1e9:
+        return figure(value), "" if error is None else figure(error)
+    places = max(0, 1 - floor(log10(error)))
+    return (f"{value:.{places}f}", f"{error:.{places}f}") if places < 7 else (f"{value:.3g}", f"{error:.2g}")
 
 
 def _percent(share: float | None) -> str:

@@ -26,7 +26,7 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} N·m rms, "
         f"{100 * held_out['share_of_explainable']:.0f} % of what can be explained"
     )
-    return shown
+    return [*shown, f"page: {answer['report']}"] if answer["report"] else shown
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:

@@ -14,7 +14,7 @@ from benchmarks.campaign.cause import merged
 from benchmarks.campaign.motions import draw_playlist
 from benchmarks.campaign.playing import play
 from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
-from benchmarks.campaign.sealing import Envelope, Question, seal
+from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
 from benchmarks.campaign.sizing import finely_counted, noise_rms, unexplained
 from config.motion import check_motion
 from driver.recording import read_recording
@@ -26,12 +26,14 @@ SHORT = Plan(7, 3, "dda", ("coulomb_friction",), size=1.0, scatter=0.05, seconds
 
 @pytest.fixture(scope="module")
 def staged(tmp_path_factory: pytest.TempPathFactory) -> Staged:
-    return stage(SHORT, tmp_path_factory.mktemp("staged"))
+    folder = tmp_path_factory.mktemp("scenario") / QUESTION
+    folder.mkdir()
+    return stage(SHORT, folder)
 
 
 @pytest.fixture(scope="module")
 def sealed(staged: Staged) -> tuple[Question, Envelope]:
-    return seal(staged, true_arm("dda").joints, True, staged.urdf.parent)
+    return seal(staged, true_arm("dda").joints, True, staged.urdf.parent.parent)
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -107,13 +109,18 @@ def test_the_finder_reads_what_was_recorded_and_nothing_of_the_answer(
     assert (len(question.learnt), len(question.held_out)) == (6, 2)
     recording = read_recording(question.learnt[0])
     np.testing.assert_allclose(recording.tau, staged.runs[0].tau, rtol=1e-8)
-    assert not envelope.path.is_relative_to(question.learnt[0].parent)
+    assert not envelope.path.is_relative_to(question.folder)
     told = "".join(path.name + path.read_text() for path in (*question.learnt, *question.held_out, question.urdf))
     assert not any(label.partition(":")[0] in told for label in ALL)
 
 
 def test_an_envelope_gives_back_what_was_put_in(staged: Staged, sealed: tuple[Question, Envelope]) -> None:
     assert sealed[1].open() == staged.truth
+
+
+def test_a_kept_scenario_is_found_again(sealed: tuple[Question, Envelope], tmp_path: Path) -> None:
+    assert found_sealed(sealed[0].folder.parent) == sealed
+    assert found_sealed(tmp_path) is None
 
 
 def test_an_envelope_that_was_changed_is_not_believed(staged: Staged, tmp_path: Path) -> None:

@@ -1,0 +1,160 @@
+"""Residuals over time, and each finding against the quantity that shows its form: what pictures are drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.design import Design, stretch_rows
+from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.stretches import Channel, Grid, Stretch
+from estimator.diagnosis.torques import torque_channels
+from estimator.effects import Signals
+from estimator.filtering import Decimator
+
+Array = NDArray[np.float64]
+
+_EDGE = 12
+"""Rows at either end of a stretch whose decimation reaches beyond the data."""
+_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "tau": "N·m", "t": "s"}
+_WORDS = {"q": "angle", "dq": "speed", "ddq": "acceleration", "tau": "torque", "t": "time"}
+
+
+@dataclass(frozen=True)
+class Signature:
+    """One finding against what it depends on, on the channel where it stands out most.
+
+    Attributes:
+        quantity, unit: what ``x`` is.
+        channel, channel_unit: what ``measured`` and ``law`` are.
+        x: (rows,)
+        measured: (rows,) the residual with everything else that was found taken off.
+        law: (rows,) what the finding's law says of it.
+    """
+
+    quantity: str
+    unit: str
+    channel: str
+    channel_unit: str
+    x: Array
+    measured: Array
+    law: Array
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Torque residuals of one recording in the compared band.
+
+    Attributes:
+        recording: number among those that were given.
+        t: (rows,) s; a row of NaN in ``before`` and ``after`` marks a gap.
+        before, after: (rows, joints) N·m, of the given model and of the extended one.
+        noise: (joints,) N·m rms.
+        signatures: one a finding, over all recordings.
+    """
+
+    recording: int
+    t: Array
+    before: Array
+    after: Array
+    noise: Array
+    signatures: tuple[Signature, ...]
+
+
+def traces(
+    refined: Refined,
+    learnt: Sequence[Stretch],
+    shown: Sequence[Stretch],
+    grid: Grid,
+    noise: Array,
+    names: Sequence[str],
+) -> Traces:
+    """Residuals of the longest recording in ``shown``, signatures over all that was ``learnt`` from.
+
+    ``noise`` (channels,) rms, ``names`` of the joints.
+    """
+    design = refined.design
+    rows, known = (
+        [_Rows.of(design, piece, grid.decimation(piece.signals.period)) for piece in pieces]
+        for pieces in (shown, learnt)
+    )
+    lengths: dict[int, int] = {}
+    for r in rows:
+        lengths[r.recording] = lengths.get(r.recording, 0) + len(r.t)
+    recording = max(lengths, key=lambda k: lengths[k])
+    torques = torque_channels(design)
+    t, before, after = [], [], []
+    for r in rows:
+        if r.recording == recording:
+            gap = np.full((1, len(torques)), np.nan)
+            t += [r.t, r.t[-1:]]
+            before += [np.array([r.channels[k][-1] for k in torques]).T, gap]
+            after += [r.residual(refined.value)[:, torques], gap]
+    signatures = tuple(_signature(refined, number, known, noise, names) for number in range(len(design.candidates)))
+    return Traces(recording, *(np.concatenate(x) for x in (t, before, after)), noise[torques], signatures)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """One stretch on the rows' grid; ``channels``: for each (members + 1, rows), the residual last."""
+
+    recording: int
+    t: Array
+    channels: list[Array]
+    design: Design
+    signals: Signals
+    decimation: int
+
+    @classmethod
+    def of(cls, design: Design, piece: Stretch, decimation: int) -> _Rows:
+        rows = stretch_rows(design, piece, decimation, Noise.none(len(design.channels)))
+        edge = _EDGE if rows[0].shape[1] > 4 * _EDGE else 0
+        kept = slice(edge, rows[0].shape[1] - edge)
+        times = piece.signals.t[::decimation]
+        return cls(piece.recording, times[kept], [x[:, kept] for x in rows], design, piece.signals, decimation)
+
+    def residual(self, value: Array) -> Array:
+        """(rows, channels)"""
+        pairs = zip(self.channels, self.design.members, strict=True)
+        return np.array([x[-1] - value[members] @ x[:-1] for x, members in pairs]).T
+
+    def law(self, refined: Refined, candidate: int, channel: int) -> Array:
+        """(rows,) what a candidate adds to a channel."""
+        columns = self.design.candidates[candidate].columns
+        return np.asarray(refined.value[columns] @ self.channels[channel][self.design.position[channel, columns]])
+
+    def quantity(self, name: str, joint: int) -> Array:
+        """(rows,) of one joint, filtered as the rows are."""
+        values = self.signals.tau_rigid if name == "tau" else getattr(self.signals, name)
+        whole = Decimator(self.decimation)(values[:, joint][None])[0]
+        edge = (len(whole) - len(self.t)) // 2
+        # The decimating kernel keeps the power of white noise, not the mean: its gain at rest is taken off again.
+        gain = Decimator(self.decimation)(np.ones((1, self.signals.samples)))[0]
+        return np.asarray(whole / gain)[edge : len(whole) - edge]
+
+
+def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Array, names: Sequence[str]) -> Signature:
+    candidate = refined.design.candidates[number]
+    hypothesis = refined.design.hypotheses[candidate.hypothesis]
+    channel = max(
+        candidate.channels,
+        key=lambda c: float(np.mean(np.concatenate([r.law(refined, number, c) for r in rows]) ** 2)) / noise[c] ** 2,
+    )
+    law = np.concatenate([r.law(refined, number, channel) for r in rows])
+    measured = law + np.concatenate([r.residual(refined.value)[:, channel] for r in rows])
+    where: Channel = refined.design.channels[channel]
+    said = f"{where.equation} of {names[where.index]}"
+    unit = "N·m" if where.equation == "torque" else "rad/s"
+    against = hypothesis.effect.seen_against
+    joint = hypothesis.place.joint
+    if against == "t":
+        x = np.concatenate([r.t for r in rows])
+        return Signature(_WORDS["t"], _UNITS["t"], said, unit, x, measured, law)
+    if against == "law" or joint is None:
+        return Signature("what the finding predicts", unit, said, unit, law, measured, law)
+    x = np.concatenate([r.quantity(against, joint) for r in rows])
+    return Signature(f"{_WORDS[against]} of {names[joint]}", _UNITS[against], said, unit, x, measured, law)
