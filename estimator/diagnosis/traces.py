@@ -95,7 +95,9 @@ def traces(
             before += [np.array([r.channels[k][-1] for k in torques]).T, gap]
             after += [r.residual(refined.value)[:, torques], gap]
     signatures = tuple(_signature(refined, number, known, noise, names) for number in range(len(design.candidates)))
-    return Traces(recording, *(np.concatenate(x) for x in (t, before, after)), noise[torques], signatures)
+    return Traces(
+        recording, np.concatenate(t), np.concatenate(before), np.concatenate(after), noise[torques], signatures
+    )
 
 
 @dataclass(frozen=True)
