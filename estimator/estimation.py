@@ -22,6 +22,7 @@ from estimator.normal_equations import (
 )
 from estimator.rows import Layout
 from estimator.sums import Sums
+from estimator.terms import NEVER_NEGATIVE
 from estimator.whitening import white_weight, whitening_weight
 
 Array = NDArray[np.float64]
@@ -52,6 +53,10 @@ class Estimate:
     untold: list[int]
     """Base parameters that the motion does not tell: left out, or the prior's."""
     hausman: Hausman | None
+    equations: NormalEquations
+    """Of the chosen unknowns."""
+    refused: dict[int, float]
+    """Terms with a sign that nothing physical has, and the value they would have had."""
 
 
 @dataclass(frozen=True)
@@ -94,14 +99,16 @@ def estimate(layout: Layout, sums: Sums, estimator: Estimator, select_terms: boo
 
     weights = np.array([white_weight(1.0)] * layout.body.n) if estimator == "least_squares" else reweighted()
     equations = equations_of(weights, by_instruments)
+    refused: dict[int, float] = {}
     if select_terms:
-        chosen = _supported(layout, equations, chosen, sums.rows * layout.body.n)
+        chosen, refused = _supported(layout, equations, chosen, sums.rows * layout.body.n)
         if estimator != "least_squares":
             weights = reweighted()
             equations = equations_of(weights, by_instruments)
-    solution = solve(equations.of(chosen))
+    final = equations.of(chosen)
+    solution = solve(final)
     hausman = _hausman(solution, solve(equations_of(weights).of(chosen)), chosen) if by_instruments else None
-    return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman)
+    return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman, final, refused)
 
 
 def _informed(equations: NormalEquations, base: BaseParameters, prior: Prior) -> NormalEquations:
@@ -150,20 +157,32 @@ def _one_width_a_joint(layout: Layout, equations: NormalEquations, chosen: list[
     return chosen
 
 
-def _supported(layout: Layout, equations: NormalEquations, chosen: list[int], rows: int) -> list[int]:
-    """Drops terms, the least supported first, until each one's squared t-value exceeds log(rows).
+def _supported(
+    layout: Layout, equations: NormalEquations, chosen: list[int], rows: int
+) -> tuple[list[int], dict[int, float]]:
+    """Drops terms, the least supported first, until each one's squared t-value exceeds log(rows); then those whose sign
+    is impossible, the worst first, until there is none. Returns what is left, and what was refused with its value.
 
-    That is the Bayesian information criterion with the colour of the noise in the standard errors.
+    The threshold is the Bayesian information criterion with the colour of the noise in the standard errors.
     """
     threshold = np.log(rows)
+    all_terms = [term for terms in layout.terms for term in terms]
+    refused: dict[int, float] = {}
     while True:
         solution = solve(equations.of(chosen))
-        support = {
-            k: float(solution.value[j] ** 2 / solution.covariance[j, j])
-            for j, k in enumerate(chosen)
-            if k >= layout.base.rank
-        }
+        terms = [(k, j) for j, k in enumerate(chosen) if k >= layout.base.rank]
+        support = {k: float(solution.value[j] ** 2 / solution.covariance[j, j]) for k, j in terms}
         weakest = min(support, key=lambda k: support[k], default=-1)
-        if weakest < 0 or support[weakest] > threshold:
-            return chosen
-        chosen = [k for k in chosen if k != weakest]
+        if weakest >= 0 and support[weakest] <= threshold:
+            chosen = [k for k in chosen if k != weakest]
+            continue
+        impossible = {
+            k: float(solution.value[j])
+            for k, j in terms
+            if all_terms[k - layout.base.rank].name in NEVER_NEGATIVE and solution.value[j] < 0.0
+        }
+        worst = max(impossible, key=lambda k: support[k], default=-1)
+        if worst < 0:
+            return chosen, refused
+        refused[worst] = impossible[worst]
+        chosen = [k for k in chosen if k != worst]

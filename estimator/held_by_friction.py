@@ -19,7 +19,7 @@ from estimator.rows import Layout, friction_widths, make_layout, sum_up, traject
 from estimator.standstill import rest_speeds
 from estimator.sums import Sums
 from estimator.terms import TERM_NAMES, candidate_terms
-from estimator.trajectory import Trajectory
+from estimator.trajectory import Trajectory, part_of
 from estimator.whitening import white_weight
 
 Array = NDArray[np.float64]
@@ -47,24 +47,13 @@ def speeds_to_leave_out(
     # The narrowest sigmoid is all but the sign: at rest it says as much as any function of velocity can.
     terms = candidate_terms(TERM_NAMES, friction_widths(trajectories)[:, :1])
     everything = make_layout(body, base, terms, crossover=crossover)
-    part = [_beginning(trajectory, _ENOUGH / len(trajectories)) for trajectory in trajectories]
+    span = _ENOUGH / len(trajectories)
+    part = [part_of(trajectory, float(trajectory.t[0]), float(trajectory.t[0]) + span) for trajectory in trajectories]
     unknowns = _fit_of_motion(replace(everything, rest_speed=limits), part, band)
     if unknowns is None:
         return limits
     at_rest, in_motion = _mean_squares(everything, limits, part, band, unknowns)
     return np.where(at_rest > _CONTRADICTS * in_motion, limits, 0.0)
-
-
-def _beginning(trajectory: Trajectory, seconds: float) -> Trajectory:
-    count = max(11, int(np.searchsorted(trajectory.t, trajectory.t[0] + seconds)))
-    return Trajectory(
-        trajectory.t[:count],
-        trajectory.q[:count],
-        trajectory.tau[:count],
-        None if trajectory.dq is None else trajectory.dq[:count],
-        None if trajectory.ddq is None else trajectory.ddq[:count],
-        name=trajectory.name,
-    )
 
 
 def _fit_of_motion(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> Array | None:

@@ -17,6 +17,11 @@ from estimator.terms import PARAMETER_OF, Term, unit_of
 Array = NDArray[np.float64]
 
 
+_LEVEL = 0.95
+_LACKS = 0.01
+"""False alarms of the lack-of-fit test, over all joints together."""
+
+
 @dataclass(frozen=True)
 class TorqueResidual:
     """Of one joint, in the band of the estimate: rms of the residual (``unit``), relative to the torque's own rms, and
@@ -39,6 +44,20 @@ class Fit:
     relative_error: float
     samples: int
     rows: int
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """Of one joint, from repeated motion: does the model leave more than noise? See `estimator.lack_of_fit`."""
+
+    ratio: float
+    """Mean square of what all playings share over that of what differs, one without lack of fit."""
+    p_value: float
+    lacking_rms: float
+    """N·m, in the band of the estimate: what the model lacks."""
+    noise_rms: float
+    """N·m, in the band of the estimate: pure error, without any model."""
+    playings: int
 
 
 @dataclass(frozen=True)
@@ -68,6 +87,10 @@ class LinkIdentification:
     """``identified``, ``too little motion`` or ``too little data``."""
     warnings: tuple[str, ...] = ()
     tests: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    lack_of_fit: tuple[LackOfFit, ...] | None = None
+    """One a joint; None where no motion was repeated."""
+    leave_one_out: dict[str, float] = field(default_factory=dict)
+    """For each recording its relative torque error, percent, as predicted from the others."""
 
     @property
     def beta(self) -> Array:
@@ -78,8 +101,29 @@ class LinkIdentification:
     def standard_error(self) -> Array:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
+    @property
+    def withheld(self) -> str | None:
+        """Why there are no confidence intervals, or None where there are.
+
+        Standard errors say how the answer would scatter if everything were done again. Where the model lacks more than
+        noise the answer scatters around something else than the truth, and no interval about it can be promised.
+        """
+        if self.degrees_of_freedom == 0.0:
+            return "too short for standard errors"
+        if self.lack_of_fit is None:
+            return None
+        level = _LACKS / len(self.lack_of_fit)
+        named = [
+            f"{joint} ({test.lacking_rms:.2g} N·m beside {test.noise_rms:.2g} N·m of noise)"
+            for joint, test in zip(self.body.joints, self.lack_of_fit, strict=True)
+            if test.p_value < level
+        ]
+        return f"repeated motion shows that the model lacks something at {', '.join(named)}" if named else None
+
     def interval(self, level: float = 0.95) -> Array:
-        """(P, 2) confidence intervals of base parameters and terms."""
+        """(P, 2) confidence intervals of base parameters and terms; NaN where they are `withheld`."""
+        if self.withheld is not None:
+            return np.full((len(self.value), 2), np.nan)
         half = student.ppf(0.5 + level / 2.0, self.degrees_of_freedom) * self.standard_error
         return np.column_stack([self.value - half, self.value + half])
 
@@ -132,6 +176,34 @@ class LinkIdentification:
             "status": self.status,
             "warnings": list(self.warnings),
             "tests": self.tests,
+            "intervals": self._intervals(),
+            "lack_of_fit": self._lack_of_fit(),
+            "leave_one_out": dict(self.leave_one_out),
+        }
+
+    def _intervals(self) -> dict[str, Any]:
+        if self.withheld is not None:
+            return {"withheld": self.withheld}
+        half = np.diff(self.interval(_LEVEL), axis=1)[: self.base.rank, 0] / 2.0
+        by_name = {
+            name: None if math.isnan(h) else [float(value - h), float(value + h)]
+            for name, value, h in zip(self.base.names, self.beta, half, strict=True)
+        }
+        caution = None if self.lack_of_fit else "no motion was repeated: that the model lacks nothing is not tested"
+        return {"level": _LEVEL, "base_parameters": by_name, "caution": caution}
+
+    def _lack_of_fit(self) -> dict[str, dict[str, float]] | None:
+        if self.lack_of_fit is None:
+            return None
+        return {
+            joint: {
+                "ratio": test.ratio,
+                "p_value": test.p_value,
+                "lacking_rms": test.lacking_rms,
+                "noise_rms": test.noise_rms,
+                "playings": test.playings,
+            }
+            for joint, test in zip(self.body.joints, self.lack_of_fit, strict=True)
         }
 
 

@@ -16,11 +16,13 @@ from estimator.estimation import Estimate, Estimator, Prior, estimate
 from estimator.filtering import motion_band
 from estimator.held_by_friction import speeds_to_leave_out
 from estimator.identification import Fit, LinkIdentification, TorqueResidual
+from estimator.lack_of_fit import lack_of_fit
+from estimator.leave_one_out import leave_one_out
 from estimator.normal_equations import assemble, residual_autocovariance, torque_power
 from estimator.rigid_body import RigidBody
 from estimator.rows import Layout, friction_widths, make_layout, sum_up
 from estimator.sums import Sums
-from estimator.terms import TERM_NAMES, TermName, candidate_terms
+from estimator.terms import PARAMETER_OF, TERM_NAMES, TermName, candidate_terms
 from estimator.trajectory import Trajectory
 from estimator.whitening import white_weight
 
@@ -83,7 +85,7 @@ def identify_links(
             "record longer motion",
         )
     found = estimate(layout, sums, options.estimator, options.select_terms, prior)
-    return _result(layout, sums, options, hold_out, band, found, _warnings(trajectories))
+    return _result(layout, sums, options, trajectories, hold_out, band, found)
 
 
 def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
@@ -118,11 +120,12 @@ def _result(
     layout: Layout,
     sums: Sums,
     options: LinkOptions,
+    trajectories: Sequence[Trajectory],
     hold_out: Sequence[Trajectory],
     band: float,
     found: Estimate,
-    warnings: list[str],
 ) -> LinkIdentification:
+    warnings = [*_warnings(trajectories), *_refusals(layout, found)]
     rank, chosen, solution = layout.base.rank, found.chosen, found.solution
     all_terms = [term for terms in layout.terms for term in terms]
     kept_terms = [k for k in chosen if k >= rank]
@@ -162,7 +165,25 @@ def _result(
         status=status,
         warnings=tuple(warnings),
         tests=_tests(layout, found),
+        lack_of_fit=lack_of_fit(layout, unknowns, len(chosen), sums.rows, trajectories, band),
+        leave_one_out=_by_name(trajectories, leave_one_out(layout, sums, found)),
     )
+
+
+def _by_name(trajectories: Sequence[Trajectory], values: dict[int, float]) -> dict[str, float]:
+    names = [trajectory.name for trajectory in trajectories]
+    return {names[k] if names.count(names[k]) == 1 else f"{names[k]} {k + 1}": value for k, value in values.items()}
+
+
+def _refusals(layout: Layout, found: Estimate) -> list[str]:
+    """Terms whose sign nothing physical has: what they stand for is not their name."""
+    all_terms = [term for terms in layout.terms for term in terms]
+    result: list[str] = []
+    for k, value in found.refused.items():
+        term = all_terms[k - layout.base.rank]
+        what, unit = term.name.replace("_", " "), PARAMETER_OF[term.name][1]
+        result.append(f"{what} of {layout.body.joints[term.joint]} would be {value:.3g} {unit}: impossible, left out")
+    return result
 
 
 def _tests(layout: Layout, found: Estimate) -> dict[str, dict[str, float | str]]:

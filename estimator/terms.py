@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 TermName = Literal["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"]
 TERM_NAMES: tuple[TermName, ...] = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
 
+NEVER_NEGATIVE: tuple[TermName, ...] = ("viscous_friction", "coulomb_friction", "rotor_inertia")
+"""Friction only brakes, and no rotor weighs less than nothing: a negative value stands for something else."""
+
 PARAMETER_OF: dict[TermName, tuple[str, str]] = {
     "viscous_friction": ("coefficient", "N·m·s/rad"),
     "coulomb_friction": ("level", "N·m"),

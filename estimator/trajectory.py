@@ -104,3 +104,22 @@ class Trajectory:
             if channel is not None:
                 good &= np.asarray(np.isfinite(channel).all(axis=1))
         return np.flatnonzero(good)
+
+
+def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+    """The samples between two times (s, the trajectory's own), both included."""
+    first, last = np.searchsorted(trajectory.t, [begin, end + 0.5 / trajectory.rate])
+    here = slice(max(0, int(first)), max(int(first) + 11, int(last)))
+
+    def cut(channel: Array | None) -> Array | None:
+        return None if channel is None else channel[here]
+
+    return Trajectory(
+        t=trajectory.t[here],
+        q=trajectory.q[here],
+        tau=trajectory.tau[here],
+        dq=cut(trajectory.dq),
+        ddq=cut(trajectory.ddq),
+        q_desired=cut(trajectory.q_desired),
+        name=trajectory.name,
+    )

@@ -48,10 +48,10 @@ def test_hausman_tells_whether_noise_in_the_motion_matters(dda: RigidBody, make_
     options = LinkOptions(estimator="instrumental_variables", terms=())
 
     def p_value(seed: int, noise: float) -> float:
-        data = recordings(dda, make_periodic, seed, noise, 2e-2 * noise)
+        data = recordings(dda, make_periodic, seed, noise, 0.05 * noise)
         return float(identify_links(dda, data, options).tests["durbin_wu_hausman"]["p_value"])
 
-    assert sum(p_value(seed, 0.2) < 0.01 for seed in range(5)) == 5
+    assert sum(p_value(seed, 0.2) < 0.05 for seed in range(5)) == 5
     assert sum(p_value(seed, 1e-4) < 0.01 for seed in range(10)) <= 1
 
 
