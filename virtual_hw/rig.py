@@ -10,6 +10,8 @@ from virtual_hw.drive.power_stage import Arm, PowerStage
 _POWER_UP_NS = 100_000_000
 """The drives are switched on this long before the clock starts: their boot-up messages are over by then."""
 
+TOGETHER_NS = 100_000
+
 
 class Rig:
     """All of the stand-in but its sockets. Time is moved by `advance` alone."""
@@ -53,13 +55,13 @@ class Rig:
         self.now_ns = t_ns
 
     def next_event_ns(self) -> int:
-        """When `advance` has something to do next."""
-        due = self._next_tick_ns
-        for bus in self.buses:
-            event = bus.next_ns()
-            if event is not None and event < due:
-                due = event
-        return due
+        """When `advance` is to be called next: at the servo tick, or before it when the buses have carried what they
+        have; buses that fall quiet at nearly the same time are waited for together."""
+        quiet = [ns for bus in self.buses if (ns := bus.quiet_ns()) is not None]
+        if not quiet:
+            return self._next_tick_ns
+        soon = min(quiet) + TOGETHER_NS
+        return min(max(ns for ns in quiet if ns <= soon), self._next_tick_ns)
 
     def _servo_tick(self, now_ns: int) -> None:
         stage = self.power_stage

@@ -73,9 +73,22 @@ def test_nothing_ends_later_than_asked_for(bus: Bus) -> None:
     end = frame_bits(raw) * BIT_NS
     bus.run_until(end - 1)
     assert listener.heard == []
-    assert bus.next_ns() == end
+    assert bus.quiet_ns() == end
     bus.run_until(end)
     assert listener.heard == [(end, 0x181)]
+    assert bus.quiet_ns() is None
+
+
+def test_the_bus_is_quiet_when_it_says_so_and_not_much_earlier(bus: Bus) -> None:
+    sender, listener = Ear(bus), Ear(bus)
+    # Alternating runs of five: the data that stuffing makes longest.
+    for can_id, data in ((0x181, bytes(8)), (0x182, b"\xf8\x3e\x0f\x83\xe0\xf8\x3e\x0f"), (0x183, b"\x55" * 8)):
+        bus.send(sender.controller, frame(can_id, data))
+    quiet = bus.quiet_ns()
+    assert quiet is not None
+    bus.run_until(quiet)
+    assert [can_id for _, can_id in listener.heard] == [0x181, 0x182, 0x183]
+    assert listener.heard[-1][0] > 0.75 * quiet
 
 
 def test_a_full_queue_loses_the_newest_frame(bus: Bus) -> None:

@@ -23,6 +23,8 @@ CAN_FRAME = struct.Struct("<IB3x8s")
 MARK = struct.Struct("<IB3xQ")
 
 INTERFRAME_BITS = 3
+LONGEST_FRAME_BITS = 135
+"""Of a standard frame: 111 with 8 data bytes, and 24 stuff bits at most."""
 _TRAILER_BITS = 10
 """CRC delimiter, acknowledge slot and its delimiter, end of frame: never stuffed."""
 _CRC_POLYNOMIAL = 0x4599

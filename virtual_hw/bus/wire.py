@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush
 
-from virtual_hw.bus.frames import INTERFRAME_BITS, arbitration_key, frame_bits
+from virtual_hw.bus.frames import INTERFRAME_BITS, LONGEST_FRAME_BITS, arbitration_key, frame_bits
 
 MOST_IDENTIFIERS = 4096
 FrameHandler = Callable[[int, bytes], None]
@@ -57,6 +57,7 @@ class Bus:
         self._waiting: list[tuple[int, int, bytes, Controller, _Identifier]] = []
         self._sequence = 0
         self._on_wire: tuple[int, bytes, Controller, _Identifier] | None = None
+        self._longest_ns = int((LONGEST_FRAME_BITS + INTERFRAME_BITS) * self._bit_ns)
         self._interframe_ns = int(INTERFRAME_BITS * self._bit_ns)
         self._ears: list[tuple[Controller, FrameHandler]] = []
         self._identifiers: dict[bytes, _Identifier] = {}
@@ -124,11 +125,12 @@ class Bus:
         """Deliver a frame that ``controller`` brings from elsewhere, where its transmission has just ended."""
         self._deliver(raw, controller, self._identifier(raw[:4]))
 
-    def next_ns(self) -> int | None:
-        """When there is something to do: a frame ends or the next one may start; None when nothing is to be sent."""
+    def quiet_ns(self) -> int | None:
+        """When all that waits will have been carried, at the latest; None when nothing is to be sent."""
+        waiting = len(self._waiting)
         if self._on_wire is not None:
-            return self._on_wire[0]
-        return max(self._free_ns, self.clock_ns) + 1 if self._waiting else None
+            return self._on_wire[0] + waiting * self._longest_ns
+        return max(self._free_ns, self.clock_ns) + waiting * self._longest_ns if waiting else None
 
     def run_until(self, t_ns: int) -> None:
         """Carry all traffic whose transmission ends at or before ``t_ns``, reactions of the listeners included."""
