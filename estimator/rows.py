@@ -21,7 +21,7 @@ from estimator.filtering import (
 )
 from estimator.regressor import regressor_blocks
 from estimator.rigid_body import RigidBody
-from estimator.standstill import motion_weight, rms_speeds
+from estimator.standstill import motion_weight, rms_speeds, weight_without
 from estimator.sums import Sums
 from estimator.terms import Term
 from estimator.trajectory import Trajectory
@@ -125,7 +125,9 @@ def trajectory_rows(
         sums.duration += len(inner) / plan.rate
         if sums.high_frequency is not None:
             sums.high_frequency += _above_band(tau, inner, plan)
-        yield rows_of(motion, inner, desired)
+        unusable = channels.get("unusable")
+        usable = None if unusable is None else unusable[plan.edge : len(tau) - plan.edge].T <= 0.0
+        yield rows_of(motion, inner, desired, usable)
 
 
 def _on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, commanded: bool) -> dict[str, Array]:
@@ -136,6 +138,7 @@ def _on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, comma
         "dq": trajectory.dq,
         "ddq": trajectory.ddq,
         "q_desired": trajectory.q_desired if commanded else None,
+        "unusable": None if trajectory.unusable is None else trajectory.unusable.astype(float),
     }
     return {name: resample(t, value[piece], rate) for name, value in named.items() if value is not None}
 
@@ -157,10 +160,14 @@ class _RowMaker:
         self.coarse = Decimator(plan.decimation)
         self.fine = Decimator(plan.stride * plan.decimation)
 
-    def __call__(self, motion: Motion, tau: Array, desired: Motion | None) -> tuple[list[Array], Array]:
+    def __call__(
+        self, motion: Motion, tau: Array, desired: Motion | None, usable: NDArray[np.bool_] | None
+    ) -> tuple[list[Array], Array]:
         n = self.layout.body.n
         length = self.plan.stride * self.plan.decimation
         weight = self._taper(len(tau)) * motion_weight(motion.dq, self.layout.rest_speed, length)
+        if usable is not None:
+            weight *= weight_without(~usable, length)
         rigid = self._rigid(motion, weight)
         terms = self._terms(motion, weight)
         torque = self.fine(tau.T * weight)

@@ -53,15 +53,19 @@ def motion_weight(dq: Array, limit: Array, length: int) -> Array:
     ``dq`` (samples, n) smoothed velocities, ``limit`` (n,) of `rest_speeds`. Short runs of noise are averaged out.
     """
     mean = uniform_filter1d(dq, max(1, length), axis=0, mode="nearest")
-    at_rest = (np.abs(mean) < limit).T
-    if not at_rest.any():
-        return np.ones(at_rest.shape)
-    around = maximum_filter1d(at_rest.astype(np.uint8), 2 * length + 1, axis=1, mode="nearest")
+    return weight_without((np.abs(mean) < limit).T, length)
+
+
+def weight_without(left_out: NDArray[np.bool_], length: int) -> Array:
+    """(n, samples): zero where ``left_out`` (n, samples), one elsewhere, with slopes ``length`` samples long."""
+    if not left_out.any():
+        return np.ones(left_out.shape)
+    around = maximum_filter1d(left_out.astype(np.uint8), 2 * length + 1, axis=1, mode="nearest")
     # Two running means make a slope without corners, inside what was set aside for it.
-    moving = 1.0 - around.astype(float)
+    weight = 1.0 - around.astype(float)
     for _ in range(2):
-        moving = uniform_filter1d(moving, max(1, length), axis=1, mode="nearest")
-    return np.asarray(moving)
+        weight = uniform_filter1d(weight, max(1, length), axis=1, mode="nearest")
+    return np.asarray(np.clip(weight, 0.0, 1.0))
 
 
 def _coarse(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -25,7 +25,8 @@ class Trajectory:
 
     ``t`` (samples,) s, rising, jitter allowed; ``q`` rad; ``tau`` N·m measured at the joint; ``dq`` rad/s and ``ddq``
     rad/s² where they were measured, otherwise they are differentiated. ``q_desired`` is the commanded motion: free of
-    measurement noise, it gives the instruments of the instrumental-variable estimate.
+    measurement noise, it gives the instruments of the instrumental-variable estimate. ``unusable``: torques that say
+    nothing, of a sensor at the end of its range; that joint's equations leave them out.
 
     Raises InputError when shapes disagree, time does not rise, or the angles can only be degrees.
     """
@@ -37,6 +38,7 @@ class Trajectory:
     ddq: Array | None = None
     q_desired: Array | None = None
     name: str = "trajectory"
+    unusable: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.q)
@@ -46,7 +48,7 @@ class Trajectory:
                 f"q has shape {shape} for {np.shape(self.t)} times",
                 "give samples × joints and one time each",
             )
-        for label in ("tau", "dq", "ddq", "q_desired"):
+        for label in ("tau", "dq", "ddq", "q_desired", "unusable"):
             value = getattr(self, label)
             if value is not None and np.shape(value) != shape:
                 raise InputError(self.name, f"{label} has shape {np.shape(value)}, q has {shape}", "align the channels")

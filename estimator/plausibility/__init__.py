@@ -1,0 +1,7 @@
+"""Whether recordings can be what they are said to be: wrong units, signs, order of joints, arms; cut-off sensors."""
+
+from estimator.plausibility.cut_off import cut_off, dead
+from estimator.plausibility.doubt import Doubt, Kind
+from estimator.plausibility.examine import examine, without_unusable_torques
+
+__all__ = ["Doubt", "Kind", "cut_off", "dead", "examine", "without_unusable_torques"]

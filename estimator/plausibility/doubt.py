@@ -1,0 +1,34 @@
+"""One thing that is wrong with recordings, in words fit to be shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal[
+    "angles in degrees",
+    "velocities in degrees",
+    "torque scale",
+    "torque sign",
+    "joint turned round",
+    "joint order",
+    "another arm",
+    "torque cut off",
+    "dead torque channel",
+]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """``wrong``: certain enough that nothing may be fitted over it; otherwise it is a warning."""
+
+    kind: Kind
+    joints: tuple[str, ...]
+    problem: str
+    remedy: str
+    evidence: float
+    """The number behind it, as `problem` quotes it: a ratio, a scale or a share."""
+    wrong: bool
+
+    def __str__(self) -> str:
+        return f"{self.problem}; {self.remedy}"

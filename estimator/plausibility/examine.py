@@ -1,0 +1,113 @@
+"""All that can be told of recordings before anything is fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.base_parameters import BaseParameters, base_parameters
+from estimator.plausibility.cut_off import cut_off, dead
+from estimator.plausibility.doubt import Doubt
+from estimator.plausibility.hypotheses import Reading, readings
+from estimator.plausibility.snapshot import Fit, Snapshot, fit, inertias, take
+from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
+from estimator.rigid_body import RigidBody
+from estimator.trajectory import Trajectory
+
+_WELL = 0.05
+"""A misfit that needs no other reading."""
+_FAR_BETTER = 0.4
+"""Misfit of another reading over that of the channels as they came, to be believed."""
+_POOR = 0.2
+"""A misfit, on every joint of an arm, that no friction makes."""
+_CLEAR = 5.0
+"""Times the residual: an inertia whose sign is beyond doubt."""
+
+
+def without_unusable_torques(
+    body: RigidBody, trajectories: Sequence[Trajectory]
+) -> tuple[list[Trajectory], list[Doubt]]:
+    """The recordings with torques marked unusable where a channel is cut off or dead, and these channels named.
+
+    A torque that is cut off says only that it was at least that large; fitted as it stands it biases everything.
+    """
+    result: list[Trajectory] = []
+    doubts: list[Doubt] = []
+    for trajectory in trajectories:
+        silent, flat = dead(trajectory.tau), cut_off(trajectory.tau)
+        flat[:, silent] = True
+        doubts += [
+            _unusable(trajectory, body.joints[joint], joint, bool(silent[joint]), float(np.mean(flat[:, joint])))
+            for joint in np.flatnonzero(flat.any(axis=0)).tolist()
+        ]
+        result.append(replace(trajectory, unusable=flat) if flat.any() else trajectory)
+    return result, doubts
+
+
+def examine(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
+    """What is wrong with the recordings as recordings of this arm; empty when nothing is.
+
+    ``trajectories`` with their unusable torques marked. Units by comparison of channels; order, direction and sign of
+    the joints by what fits the arm's structure far better than the channels as they came; size and sign of the torques
+    by the URDF's masses where it has some.
+    """
+    doubts = velocity_against_angle(body, trajectories)
+    shot = take(trajectories)
+    if doubts or shot is None:
+        return doubts
+    doubts = speed_against_limits(body, shot)
+    if doubts:
+        return doubts
+    base = base_parameters(body)
+    found = fit(body, base, shot)
+    if found is not None:
+        doubts = _structure(body, base, shot, found)
+    return doubts or torque_against_masses(body, shot)
+
+
+def _structure(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) -> list[Doubt]:
+    inertia, clear = inertias(body, base, shot, found)
+    if np.any(clear > _CLEAR) and np.all(inertia[clear > _CLEAR] < 0.0):
+        joints = tuple(body.joints[j] for j in np.flatnonzero(clear > _CLEAR))
+        problem = f"accelerating {', '.join(joints)} takes torques of the other sign: their inertias come out negative"
+        return [Doubt("torque sign", joints, problem, "turn the torques' sign", -1.0, True)]
+    if body.n < 2 or found.misfit < _WELL:
+        return []
+    best = readings(body, base, shot, found.misfit)[:1]
+    if best and best[0].misfit < _FAR_BETTER * found.misfit:
+        return [_of_reading(body, best[0], found.misfit)]
+    if found.misfit > _POOR:
+        problem = f"this arm's links leave {100.0 * found.misfit:.0f} % of the torques of a typical joint unexplained"
+        remedy = "check that the URDF is this arm's, and that q, dq and tau are of the same joints and moments"
+        return [Doubt("another arm", body.joints, problem, remedy, found.misfit, False)]
+    return []
+
+
+def _of_reading(body: RigidBody, reading: Reading, as_it_is: float) -> Doubt:
+    names = [body.joints[j] for j in reading.joints]
+    listed = ", ".join(names)
+    gain = f"{100.0 * as_it_is:.0f} % of a typical joint's torque stays unexplained, {100.0 * reading.misfit:.1f} % if"
+    evidence = reading.misfit / as_it_is
+    if reading.kind == "joint order":
+        order = ", ".join(f"{body.joints[k]} as {body.joints[j]}" for j, k in enumerate(reading.order) if j != k)
+        problem, remedy = f"joints are out of order: {gain} one reads {order}", "put the columns in the URDF's order"
+    elif reading.kind == "torque sign":
+        problem, remedy = f"the torque of {listed} has the wrong sign: {gain} it is turned", "turn its sign"
+    elif reading.kind == "joint turned round":
+        problem = f"{listed} is recorded the other way round than in the URDF: {gain} it is turned"
+        remedy = "turn the sign of its angle, velocity and torque, or check that the URDF is this arm's"
+    else:
+        problem, remedy = f"the angles are in degrees: {gain} they are read so", "convert them to rad"
+    return Doubt(reading.kind, tuple(names), problem, remedy, evidence, True)
+
+
+def _unusable(trajectory: Trajectory, name: str, joint: int, silent: bool, share: float) -> Doubt:
+    place = f"{trajectory.name}: the torque channel of {name}"
+    if silent:
+        value = trajectory.tau[0, joint]
+        problem = f"{place} says {value:.4g} throughout: its equations are left out"
+        return Doubt("dead torque channel", (name,), problem, "check the sensor", share, False)
+    problem = f"{place} is cut off at the end of its range in {100.0 * share:.2g} % of the samples: they are left out"
+    return Doubt("torque cut off", (name,), problem, "choose a larger range, or a gentler motion", share, False)

@@ -1,0 +1,153 @@
+"""Recordings thinned to what hypotheses about them are tried on: smoothed kinematics and torques, a few a second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.base_parameters import BaseParameters
+from estimator.filtering import convolve, plan_filter, resample, smooth_motion
+from estimator.regressor import torque_regressor
+from estimator.rigid_body import RigidBody
+from estimator.rows import CHUNK
+from estimator.standstill import rest_speeds
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_MOST_SAMPLES = 700
+_SECONDS = 60.0
+"""Of recordings looked at, spread over all of them."""
+_FILTER_BAND = 0.5
+"""Hz: kinematics and torques are smoothed alike, flat to six times this."""
+_TERMS = 4
+"""Of each joint, beside the rigid body."""
+_RIDGE = 1e-9
+_SPOILT = 0.01
+"""Share of the smoothing kernel that may rest on unusable torques."""
+_NARROW = 0.02
+"""rad/s: width of the friction sigmoid; joints at rest are left out anyway."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """(samples, n) each, joints as the body has them; ``moving`` where the joint does not rest, ``usable`` where its
+    torque says something."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    moving: NDArray[np.bool_]
+    usable: NDArray[np.bool_]
+
+    def of(self, order: Sequence[int]) -> Snapshot:
+        """The same with the joints' channels in another order."""
+        some = list(order)
+        return Snapshot(
+            self.q[:, some],
+            self.dq[:, some],
+            self.ddq[:, some],
+            self.tau[:, some],
+            self.moving[:, some],
+            self.usable[:, some],
+        )
+
+
+def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
+    """A snapshot of some recordings; None when they have no gapless seconds."""
+    limits = rest_speeds(trajectories)
+    parts: list[list[Array]] = []
+    for trajectory in trajectories:
+        plan = plan_filter(trajectory.rate, _FILTER_BAND)
+        budget = round(_SECONDS / len(trajectories) * trajectory.rate)
+        for piece in trajectory.segments(min(CHUNK, max(budget, 4 * plan.edge)), 0):
+            if len(piece) <= 2 * plan.edge + 1:
+                continue
+            t = trajectory.t[piece]
+            q = resample(t, trajectory.q[piece], plan.rate)
+            motion = smooth_motion(plan, q, None, None)
+            tau = convolve(resample(t, trajectory.tau[piece], plan.rate), plan.smooth)
+            bad = np.zeros(trajectory.tau.shape) if trajectory.unusable is None else trajectory.unusable.astype(float)
+            # A smoothed torque is as good as the worst sample behind it.
+            usable = convolve(resample(t, bad[piece], plan.rate), np.abs(plan.smooth)) < _SPOILT
+            whole = usable.astype(float)
+            parts.append([motion.q, motion.dq, motion.ddq, tau, whole])
+            budget -= len(piece)
+            if budget <= 0:
+                break
+    if not parts:
+        return None
+    q, dq, ddq, tau, usable = (np.concatenate(x) for x in zip(*parts, strict=True))
+    thinned = slice(None, None, -(-len(q) // _MOST_SAMPLES))
+    moving = np.abs(dq[thinned]) >= limits
+    return Snapshot(q[thinned], dq[thinned], ddq[thinned], tau[thinned], moving, usable[thinned].astype(np.bool_))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A plain least-squares fit of a snapshot."""
+
+    unknowns: Array
+    """Base parameters, then viscous and Coulomb friction, rotor inertia and offset of joint after joint."""
+    relative: Array
+    """(n,) rms of the residual over that of the torque, where the joint moves."""
+
+    @property
+    def misfit(self) -> float:
+        """Geometric mean over the joints: by likelihood, each joint judged by its own noise."""
+        return float(np.exp(np.mean(np.log(np.maximum(self.relative, 1e-9)))))
+
+
+def fit(body: RigidBody, base: BaseParameters, shot: Snapshot) -> Fit | None:
+    """Base parameters, friction, rotor inertia and offset of each joint; None when the rows are too few to say."""
+    n, rank, extra = body.n, base.rank, _TERMS
+    full = base.select(torque_regressor(body, shot.q, shot.dq, shot.ddq))
+    terms = np.stack([shot.dq, np.tanh(shot.dq / _NARROW), shot.ddq, np.ones_like(shot.dq)], axis=2)
+    rows, right, owners = [], [], []
+    for joint in range(n):
+        here = shot.moving[:, joint] & shot.usable[:, joint]
+        weight = 1.0 / max(float(np.sqrt(np.mean(shot.tau[:, joint] ** 2))), 1e-12)
+        block = np.zeros((int(here.sum()), rank + extra * n))
+        block[:, :rank] = full[here, joint]
+        block[:, rank + extra * joint : rank + extra * (joint + 1)] = terms[here, joint]
+        rows.append(weight * block)
+        right.append(weight * shot.tau[here, joint])
+        owners.append(np.full(len(block), joint))
+    matrix, target, owner = np.concatenate(rows), np.concatenate(right), np.concatenate(owners)
+    if len(target) < 3 * matrix.shape[1]:
+        return None
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    # Hypotheses are told apart by percents of the torque: the normal equations are exact enough, and quick.
+    scaled = matrix / scale
+    gram = scaled.T @ scaled + _RIDGE * np.eye(len(scale))
+    unknowns = np.linalg.solve(gram, scaled.T @ target) / scale
+    residual = target - matrix @ unknowns
+    relative = np.array([_rms(residual[owner == j]) / max(_rms(target[owner == j]), 1e-12) for j in range(n)])
+    return Fit(unknowns, relative)
+
+
+def inertias(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) -> tuple[Array, Array]:
+    """(n,) each: the mean diagonal of the fitted mass matrix with the rotor's, and how many times its torque exceeds
+    the residual."""
+    unknowns = found.unknowns
+    inertia, clear = np.empty(body.n), np.empty(body.n)
+    rest = np.zeros_like(shot.q)
+    gravity = base.select(torque_regressor(body, shot.q, rest, rest))
+    for joint in range(body.n):
+        unit = rest.copy()
+        unit[:, joint] = 1.0
+        column = base.select(torque_regressor(body, shot.q, rest, unit))[:, joint] - gravity[:, joint]
+        rotor = unknowns[base.rank + _TERMS * joint + 2]
+        inertia[joint] = float(np.mean(column @ unknowns[: base.rank])) + rotor
+        noise = found.relative[joint] * _rms(shot.tau[:, joint])
+        clear[joint] = abs(inertia[joint]) * _rms(shot.ddq[:, joint]) / max(noise, 1e-12)
+    return inertia, clear
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2))) if x.size else 0.0

@@ -1,0 +1,117 @@
+"""Units by what the channels say of each other, and of the URDF's masses and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.filtering import convolve, plan_filter, resample
+from estimator.plausibility.doubt import Doubt
+from estimator.plausibility.snapshot import Snapshot
+from estimator.regressor import inverse_dynamics
+from estimator.rigid_body import RigidBody
+from estimator.rows import CHUNK
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_DEGREES = 180.0 / np.pi
+_ABOUT = 0.15
+"""Share by which a ratio of channels may miss 57.3 and still mean degrees."""
+_BAND = 0.5
+_ALIKE = 0.8
+"""Least partial correlation of a torque with that of the URDF's masses, to compare their sizes."""
+_MATTERS = 0.1
+"""Of the largest joint's: a model torque below is friction's prey."""
+_DOUBTFUL, _IMPOSSIBLE = 5.0, 20.0
+"""Times that masses in a URDF are off. Rough CAD is off by two, amperes and millinewtons by far more."""
+_TOO_FAST = 5.0
+"""Times a URDF's velocity limit."""
+
+
+def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
+    """Velocities that are 57.3 times the derivative of the angles, or a 57.3th, in the median over turning joints."""
+    ratios: list[float] = []
+    turning = [j for j, axis in enumerate(body.axes) if axis.revolute]
+    for trajectory in trajectories:
+        piece = next(trajectory.segments(CHUNK, 0), None)
+        plan = plan_filter(trajectory.rate, _BAND)
+        if trajectory.dq is None or piece is None or len(piece) <= 2 * plan.edge + 1:
+            continue
+        t = trajectory.t[piece]
+        slope = convolve(resample(t, trajectory.q[piece], plan.rate), plan.slope)[:, turning]
+        measured = convolve(resample(t, trajectory.dq[piece], plan.rate), plan.smooth)[:, turning]
+        power = np.sum(slope**2, axis=0)
+        moved = power > 1e-4 * power.max(initial=0.0)
+        ratios += (np.sum(slope * measured, axis=0)[moved] / power[moved]).tolist()
+    if not ratios:
+        return []
+    ratio = float(np.median(ratios))
+    joints = tuple(body.joints[j] for j in turning)
+    if abs(ratio / _DEGREES - 1.0) < _ABOUT:
+        problem = f"the velocities are {ratio:.1f} times the derivative of the angles: they are in degrees/s"
+        return [Doubt("velocities in degrees", joints, problem, "convert them to rad/s", ratio, True)]
+    if abs(ratio * _DEGREES - 1.0) < _ABOUT:
+        problem = f"the derivative of the angles is {1.0 / ratio:.1f} times the velocities: the angles are in degrees"
+        return [Doubt("angles in degrees", joints, problem, "convert them to rad", ratio, True)]
+    return []
+
+
+def speed_against_limits(body: RigidBody, shot: Snapshot) -> list[Doubt]:
+    """Speeds far beyond the URDF's limits on most turning joints, which as degrees/s would keep them."""
+    limits = np.asarray(body.model.velocityLimit, dtype=float)
+    turning = np.array([axis.revolute for axis in body.axes]) & (limits > 0.0) & np.isfinite(limits)
+    if not turning.any():
+        return []
+    share = (np.abs(shot.dq).max(axis=0) / np.where(limits > 0.0, limits, np.inf))[turning]
+    fastest = float(share.max())
+    if np.median(share) > _TOO_FAST and fastest < _DEGREES:
+        joints = tuple(np.array(body.joints)[turning].tolist())
+        problem = f"the joints move at up to {fastest:.0f} times the URDF's velocity limits: the angles are in degrees"
+        return [Doubt("angles in degrees", joints, problem, "convert them to rad", fastest, True)]
+    return []
+
+
+def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
+    """Torques of another size or sign than the URDF's masses call for. Nothing where the URDF has none."""
+    prior = body.prior()
+    if not np.any(prior[::10] > 0.0):
+        return []
+    scale = _scales(inverse_dynamics(body, prior, shot.q, shot.dq, shot.ddq), shot)
+    if not scale:
+        return []
+    sizes = np.abs(list(scale.values()))
+    size = float(np.median(sizes))
+    joints = tuple(body.joints[j] for j in scale)
+    doubts: list[Doubt] = []
+    if size > _DOUBTFUL or size < 1.0 / _DOUBTFUL:
+        units = "mA, mN·m or a raw count" if size > 1.0 else "A, or torques on the motor's side of the gear"
+        problem = f"the torques are {size:.3g} times those of the URDF's masses: they may be {units}"
+        remedy = "convert them to N·m at the joint (torque constant and gear ratio)"
+        certain = size > _IMPOSSIBLE or size < 1.0 / _IMPOSSIBLE
+        doubts.append(Doubt("torque scale", joints, problem, remedy, size, certain))
+    if all(value < 0.0 for value in scale.values()):
+        problem = f"the torques of {', '.join(joints)} have the other sign than the URDF's masses call for"
+        remedy = "turn the torques' sign, or the direction of gravity"
+        doubts.append(Doubt("torque sign", joints, problem, remedy, -size, True))
+    return doubts
+
+
+def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
+    """Measured over model torque, by joint, where they go together once friction and offset are set aside."""
+    result: dict[int, float] = {}
+    sizes = np.sqrt(np.mean(model**2, axis=0))
+    for joint in np.flatnonzero(sizes > _MATTERS * sizes.max()).tolist():
+        dq = shot.dq[:, joint]
+        beside = np.column_stack([np.ones_like(dq), dq, np.tanh(dq / 0.02)])
+        pair = np.column_stack([model[:, joint], shot.tau[:, joint]])[shot.usable[:, joint]]
+        beside = beside[shot.usable[:, joint]]
+        if len(pair) < 20:
+            continue
+        x, y = (pair - beside @ np.linalg.lstsq(beside, pair, rcond=None)[0]).T
+        length = float(np.linalg.norm(x) * np.linalg.norm(y))
+        if length > 0.0 and abs(x @ y) > _ALIKE * length:
+            result[joint] = float(x @ y / (x @ x))
+    return result

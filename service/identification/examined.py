@@ -1,0 +1,27 @@
+"""Recordings examined before anything is fitted to them: what cannot be this arm's in SI units is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from config import InputError
+from estimator.plausibility import examine, without_unusable_torques
+from estimator.rigid_body import RigidBody
+from estimator.trajectory import Trajectory
+
+
+def examined(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[list[Trajectory], list[str]]:
+    """The recordings with unusable torques marked, and a sentence for each thing that is doubtful about them.
+
+    Raises InputError when units, signs or the order of joints are wrong beyond doubt: nothing is fitted over that.
+    """
+    if not trajectories:
+        return [], []
+    usable, doubts = without_unusable_torques(body, trajectories)
+    doubts += examine(body, usable)
+    for doubt in doubts:
+        if doubt.wrong:
+            names = ", ".join(Path(trajectory.name).name for trajectory in trajectories)
+            raise InputError(names, doubt.problem, doubt.remedy)
+    return usable, [str(doubt) for doubt in doubts]
