@@ -124,4 +124,5 @@ def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
         ddq=cut(trajectory.ddq),
         q_desired=cut(trajectory.q_desired),
         name=trajectory.name,
+        unusable=None if trajectory.unusable is None else trajectory.unusable[here],
     )

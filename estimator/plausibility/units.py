@@ -25,6 +25,8 @@ _ALIKE = 0.8
 """Least partial correlation of a torque with that of the URDF's masses, to compare their sizes."""
 _MATTERS = 0.1
 """Of the largest joint's: a model torque below is friction's prey."""
+_MOST = 0.5
+"""Share of the model torques' energy that the compared joints must have."""
 _DOUBTFUL, _IMPOSSIBLE = 5.0, 20.0
 """Times that masses in a URDF are off. Rough CAD is off by two, amperes and millinewtons by far more."""
 _TOO_FAST = 5.0
@@ -112,6 +114,11 @@ def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
             continue
         x, y = (pair - beside @ np.linalg.lstsq(beside, pair, rcond=None)[0]).T
         length = float(np.linalg.norm(x) * np.linalg.norm(y))
-        if length > 0.0 and abs(x @ y) > _ALIKE * length:
-            result[joint] = float(x @ y / (x @ x))
-    return result
+        if not (length > 0.0 and abs(x @ y) > _ALIKE * length):
+            continue
+        # A load that the URDF does not know may outweigh what moves, but not the weight that is carried as well.
+        moved, carried = float(x @ y / (x @ x)), float(pair[:, 0] @ pair[:, 1] / (pair[:, 0] @ pair[:, 0]))
+        if moved * carried > 0.0:
+            result[joint] = min(moved, carried, key=lambda ratio: abs(np.log(abs(ratio))))
+    heavy = float(np.sum(sizes[list(result)] ** 2)) > _MOST * float(np.sum(sizes**2))
+    return result if heavy else {}

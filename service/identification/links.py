@@ -19,7 +19,6 @@ from estimator.identification import LinkIdentification
 from estimator.links import LinkOptions, identify_links
 from estimator.prediction import torque_history
 from estimator.trajectory import Trajectory
-from service.identification.examined import examined
 from service.identification.read import read_recordings
 from service.identification.request import LinksRequest
 from service.models.model_file import link_model_file, write_model
@@ -50,11 +49,7 @@ def identify(request: LinksRequest, tell: Tell = lambda stage, share: None) -> L
     """
     read = read_recordings(request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell)
     body, arm, trajectories, hold_out, notes = read.body, read.arm, read.trajectories, read.hold_out, [*read.notes]
-    tell("examining the recordings", 0.4)
-    trajectories, doubts = examined(body, trajectories)
-    hold_out, doubts_held_out = examined(body, hold_out)
-    notes += [*doubts, *doubts_held_out]
-    tell("estimating", 0.45)
+    tell("estimating", 0.4)
     options = LinkOptions(estimator=request.estimator, band_hz=request.band_hz)
     result = identify_links(body, trajectories, options, hold_out)
     tell("writing the model and the plot", 0.85)

@@ -10,6 +10,7 @@ from config import InputError
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
+from service.identification.examined import examined
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 
 Tell = Callable[[str, float], None]
@@ -39,7 +40,8 @@ def read_recordings(
     """Reads everything, the recordings to judge on behind those to learn from.
 
     ``arm_named``: a configured name, an installation or URDF file, or None for the arm that the recordings carry.
-    Raises InputError naming file, line and column for recordings that cannot be used.
+    Raises InputError naming file, line and column for recordings that cannot be used, or what is wrong with channels
+    that cannot be this arm's (`estimator.plausibility`).
     """
     paths = [*recordings, *hold_out]
     if not recordings:
@@ -53,7 +55,7 @@ def read_recordings(
     read: list[Trajectory] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
-        tell(f"reading {path.name}", 0.4 * k / len(paths))
+        tell(f"reading {path.name}", 0.35 * k / len(paths))
         recording = read_any(path, arm, topic)
         if arm is None:
             arm = recorded_arm(recording, path)
@@ -67,5 +69,9 @@ def read_recordings(
     if body.held:
         held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
         notes.append(f"joints of the URDF that were not recorded are held still: {held}")
+    tell("examining the recordings", 0.35)
     count = len(recordings)
-    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(read[:count]), tuple(read[count:]), tuple(notes))
+    learnt, doubts = examined(body, read[:count])
+    judged, doubts_of_judged = examined(body, read[count:])
+    notes += [*doubts, *doubts_of_judged]
+    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes))

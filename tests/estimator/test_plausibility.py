@@ -112,6 +112,18 @@ def test_rough_masses_are_no_other_unit(six_axis: RigidBody, recording: Trajecto
     assert examine(six_axis, [replace(recording, tau=3.0 * recording.tau)]) == []
 
 
+def test_load_on_the_wrist_is_no_other_unit(six_axis: RigidBody, make_periodic: Periodic) -> None:
+    """Only the last joint moves, under a load ten times as heavy as its link."""
+    random = np.random.default_rng(3)
+    t, q, dq, ddq = make_periodic(6, 20.0, 250.0, 3)
+    still = np.arange(6) < 5
+    q[:, still], dq[:, still], ddq[:, still] = q[0, still], 0.0, 0.0
+    loaded = six_axis.prior()
+    loaded[50:] *= 10.0
+    tau = inverse_dynamics(six_axis, loaded, q, dq, ddq) + 0.2 * random.normal(size=q.shape)
+    assert examine(six_axis, [Trajectory(t, q, tau, dq)]) == []
+
+
 def test_urdf_of_another_arm(make_chain: Callable[..., RigidBody], recording: Trajectory) -> None:
     doubt = named(make_chain("rrrrrr", aligned=False), recording)
     assert doubt.kind == "another arm"
