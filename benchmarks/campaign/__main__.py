@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -29,10 +29,11 @@ def main() -> int:
             Plan(number, options.seed, plan.arm, (options.kind,), options.size, plan.scatter)
             for number, plan in enumerate(plans)
         ]
+    plans = [replace(plan, seconds=options.seconds) for plan in plans]
     results: list[Judgement] = []
     finder = by_command if options.command else in_process
     with ProcessPoolExecutor(options.processes) as pool:
-        for judgement in pool.map(partial(judged, finder=finder, kept=options.keep), plans):
+        for judgement in pool.map(partial(judged, finder=finder, kept=options.keep, wire=options.wire), plans):
             results.append(judgement)
             mark = "✗" if judgement.wrong else " "
             print(f"{mark} {judgement.sentence} [{judgement.seconds:.1f} s]", file=sys.stderr, flush=True)
@@ -51,6 +52,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
     parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
+    parser.add_argument("--wire", action="store_true", help="play over the wire, by the daemon and the stand-in arm")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of motion to learn from (60)")
     parser.add_argument("--keep", type=Path, help="keep sealed scenarios here, and take those that are there")
     parser.add_argument("--json", type=Path, help="write the figures here too")
     return parser.parse_args()

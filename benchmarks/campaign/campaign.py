@@ -11,18 +11,20 @@ from benchmarks.campaign.finding import Finder
 from benchmarks.campaign.judging import Judgement, judge
 from benchmarks.campaign.scenario import Plan, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
+from benchmarks.campaign.wire import sealed_over_the_wire
 
 TACHOMETERS = frozenset({"dda"})
 
 
-def judged(plan: Plan, finder: Finder, kept: Path | None = None) -> Judgement:
+def judged(plan: Plan, finder: Finder, kept: Path | None = None, wire: bool = False) -> Judgement:
     """The finder, judged on one scenario. Whatever it raises is raised here.
 
-    ``kept``: a folder where sealed scenarios stay, so that a finder that has changed can be asked again.
+    ``wire``: played by the daemon and the stand-in arm, instead of on the plant alone. ``kept``: a folder where sealed
+    scenarios stay, so that a finder that has changed can be asked again.
     """
     with tempfile.TemporaryDirectory(prefix="etude-campaign-") as name:
-        folder = Path(name) if kept is None else kept / plan.name
-        question, envelope = found_sealed(folder) or sealed(plan, folder)
+        folder = Path(name) if kept is None else kept / (plan.name + "-wire" * wire)
+        question, envelope = found_sealed(folder) or (sealed_over_the_wire if wire else sealed)(plan, folder)
         begin = time.perf_counter()
         answer = finder(question)
         seconds = time.perf_counter() - begin

@@ -21,10 +21,11 @@ def viscous(arm: TrueArm, joint: str, rng: Generator) -> Cause:
 
 
 def coulomb(arm: TrueArm, joint: str, rng: Generator) -> Cause:
-    give = float(rng.uniform(1e-4, 1e-3))
+    give = float(10.0 ** rng.uniform(-4.7, -3.7))
     return Cause(
         "coulomb_friction",
-        named("coulomb_friction", joint),
+        # Bristles are the truth, so who sees them bend is right too.
+        named("coulomb_friction", joint) | named("presliding", joint),
         lambda a: {"friction": [{"joint": joint, "level_nm": a, "presliding_rad": give}]},
         limit_nm(arm, joint),
         8 * limit_nm(arm, joint),
@@ -46,7 +47,7 @@ def asymmetric(arm: TrueArm, joint: str, rng: Generator) -> Cause:
                     "level_negative_nm": other * a,
                     "viscous_nms_rad": slope * a,
                     "viscous_negative_nms_rad": slope * a / other,
-                    "presliding_rad": 3e-4,
+                    "presliding_rad": 5e-5,
                 }
             ]
         },
@@ -72,7 +73,7 @@ def stribeck(arm: TrueArm, joint: str, rng: Generator) -> Cause:
                     "stribeck_exponent": exponent,
                     "stribeck_velocity_rad_s": velocity,
                     "viscous_nms_rad": slope * a,
-                    "presliding_rad": 3e-4,
+                    "presliding_rad": 5e-5,
                 }
             ]
         },
@@ -86,7 +87,7 @@ def load_dependent(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     return Cause(
         "load_dependent_friction",
         named("load_dependent_friction", joint),
-        lambda a: {"friction": [{"joint": joint, "level_nm": 0.0, "load_coefficient": a, "presliding_rad": 3e-4}]},
+        lambda a: {"friction": [{"joint": joint, "level_nm": 0.0, "load_coefficient": a, "presliding_rad": 5e-5}]},
         0.05,
         0.3,
         lambda a: {"coefficient": a},
@@ -117,7 +118,7 @@ def drifting(arm: TrueArm, joint: str, rng: Generator) -> Cause:
                 {
                     "joint": joint,
                     "level_nm": a,
-                    "presliding_rad": 3e-4,
+                    "presliding_rad": 5e-5,
                     "running_in": {"initial_factor": initial, "time_constant_s": time},
                 }
             ]

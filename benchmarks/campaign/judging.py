@@ -56,6 +56,11 @@ class Judgement:
     sentence: str
 
     @property
+    def alarm(self) -> bool:
+        """Whether something was found, named or not, beyond what is excused."""
+        return self.verdict == "unknown" or bool(self.wrong) or bool(self.sets)
+
+    @property
     def clean(self) -> bool:
         return not self.truth.causes
 
@@ -85,7 +90,7 @@ def judge(
     inside = [cause for cause in truth.causes if cause.answers]
     outside = [cause for cause in truth.causes if not cause.answers]
     rightful = frozenset().union(*(cause.answers for cause in inside))
-    excused = frozenset().union(*(cause.excused for cause in truth.causes))
+    excused = truth.excused.union(*(cause.excused for cause in truth.causes))
     named = [_named(finding) for finding in findings if finding["status"] == "named"]
     sets = [
         frozenset({_named(finding), *(_named(other) for other in finding["alternatives"])})

@@ -15,7 +15,7 @@ from benchmarks.campaign.arms import ARMS, TrueArm, hidden_bodies, scattered, tr
 from benchmarks.campaign.body_causes import BODIES
 from benchmarks.campaign.cause import Cause, Draw, Named, Tables, merged
 from benchmarks.campaign.friction_causes import FRICTION
-from benchmarks.campaign.motions import RATE_HZ, draw_playlist
+from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.playing import Run, as_recorded, play
 from benchmarks.campaign.sensor_causes import SENSORS
@@ -30,6 +30,7 @@ ALL = {**CATALOGUE, **OUTSIDE}
 SCATTER = (0.0, 0.02, 0.05)
 CURRENT_LOOP_HZ = 5000.0
 """Quick beside the plant's tick: a clean arm has no delay that a finder could rightly name."""
+JITTER_S = (0.0, 2e-5, 1e-4)
 TRIES = 12
 """Joints and forms that are tried before a cause is given up on an arm."""
 
@@ -67,35 +68,39 @@ class TrueCause:
 
 @dataclass(frozen=True)
 class Truth:
-    """The answer to a scenario."""
+    """The answer to a scenario. ``excused``: names that would not be wrong, whatever the causes."""
 
     number: int
     arm: str
     scatter: float
     causes: tuple[TrueCause, ...]
+    excused: frozenset[Named] = frozenset()
 
     def as_json(self) -> dict[str, Any]:
         """For the envelope."""
         whole = asdict(self)
+        whole["excused"] = _sorted(self.excused)
         for cause in whole["causes"]:
             for key in ("answers", "excused"):
-                cause[key] = sorted(([e, j] for e, j in cause[key]), key=str)
+                cause[key] = _sorted(cause[key])
         return whole
 
     @staticmethod
     def from_json(whole: dict[str, Any]) -> Truth:
         """The same again."""
         causes = tuple(
-            TrueCause(
-                **{
-                    **cause,
-                    "answers": frozenset((e, j) for e, j in cause["answers"]),
-                    "excused": frozenset((e, j) for e, j in cause["excused"]),
-                }
-            )
+            TrueCause(**{**cause, "answers": _set(cause["answers"]), "excused": _set(cause["excused"])})
             for cause in whole["causes"]
         )
-        return Truth(**{**whole, "causes": causes})
+        return Truth(**{**whole, "causes": causes, "excused": _set(whole["excused"])})
+
+
+def _sorted(names: frozenset[Named]) -> list[list[str | None]]:
+    return sorted(([effect, joint] for effect, joint in names), key=str)
+
+
+def _set(pairs: list[list[Any]]) -> frozenset[Named]:
+    return frozenset((effect, joint) for effect, joint in pairs)
 
 
 @dataclass(frozen=True)
@@ -143,14 +148,28 @@ def _turns(names: tuple[str, ...], rng: Generator) -> Any:
         yield from (names[k] for k in rng.permutation(len(names)))
 
 
-def stage(plan: Plan, folder: Path) -> Staged:
-    """Play the scenario; the URDF for the finder is written into ``folder``.
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario ready to be played, on the plant or over the wire."""
 
-    A kind that the arm cannot have at the wanted size gives way to the next of `ALL`.
+    truth: Truth
+    installation: Installation
+    """With the URDF that the finder gets."""
+    playlist: Playlist
+    hidden: HiddenMechanics
+    every: int
+    """Of so many samples of the plant one is recorded."""
+    jitter_s: float
+    seed: int
+
+
+def prepare(plan: Plan, urdf: Path) -> Prepared:
+    """Draw and size the scenario; the URDF for the finder is written to ``urdf``.
+
+    A kind that the arm cannot have at the wanted size gives way to the next.
     """
     rng = np.random.default_rng([plan.seed, plan.number, 1])
     arm = true_arm(plan.arm)
-    urdf = folder / "arm.urdf"
     write_urdf(arm, scattered(arm.bodies, plan.scatter, rng), urdf)
     installation = _with_urdf(arm.installation, urdf)
     playlist = draw_playlist(installation, rng, plan.seconds)
@@ -158,13 +177,24 @@ def stage(plan: Plan, folder: Path) -> Staged:
     scale = Scale(installation, playlist, mechanics(arm, [], []), _torque_noise(noise, arm, plan))
     causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
     hidden = mechanics(arm, causes, [*(c.tables(a) for c, a in zip(causes, amplitudes, strict=True)), noise])
-    every = int(RATE_HZ / (500.0 if plan.arm == "dda" else 250.0))
-    jitter = float(rng.choice([0.0, 2e-5, 1e-4]))
-    runs = tuple(
-        as_recorded(run, installation, rng, every, jitter)
-        for run in play(installation, hidden, playlist, int(rng.integers(2**31)))
+    return Prepared(
+        truth=Truth(plan.number, plan.arm, plan.scatter, true_causes),
+        installation=installation,
+        playlist=playlist,
+        hidden=hidden,
+        every=int(RATE_HZ / (500.0 if plan.arm == "dda" else 250.0)),
+        jitter_s=float(rng.choice(JITTER_S)),
+        seed=int(rng.integers(2**31)),
     )
-    return Staged(Truth(plan.number, plan.arm, plan.scatter, true_causes), urdf, runs)
+
+
+def stage(plan: Plan, folder: Path) -> Staged:
+    """Play the scenario on the plant; the URDF for the finder is written into ``folder``."""
+    prepared = prepare(plan, folder / "arm.urdf")
+    played = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
+    rng = np.random.default_rng([prepared.seed, 1])
+    runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played]
+    return Staged(prepared.truth, folder / "arm.urdf", tuple(runs))
 
 
 def _causes(

@@ -28,11 +28,14 @@ class Question:
 
     @property
     def learnt(self) -> tuple[Path, ...]:
-        return tuple(sorted(p for p in self.folder.glob("*.csv") if not p.name.startswith(HELD_OUT)))
+        return tuple(p for p in self._recordings() if not p.name.startswith(HELD_OUT))
 
     @property
     def held_out(self) -> tuple[Path, ...]:
-        return tuple(sorted(self.folder.glob(f"{HELD_OUT}*.csv")))
+        return tuple(p for p in self._recordings() if p.name.startswith(HELD_OUT))
+
+    def _recordings(self) -> list[Path]:
+        return sorted(p for p in self.folder.iterdir() if p.suffix in (".csv", ".mcap"))
 
 
 @dataclass(frozen=True)

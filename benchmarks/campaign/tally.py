@@ -53,7 +53,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
     outside = [j for j in judged if j.outside]
     sets = [one for j in judged for one in j.sets]
     parameters = [p for j in judged for p in j.parameters]
-    figures = [_share("false alarms on clean arms, family-wise", clean, lambda j: j.verdict != "clean", 0.05, True)]
+    figures = [_share("false alarms on clean arms, family-wise", clean, lambda j: j.alarm, 0.05, True)]
     for low, high in SIZES:
         within = [j for j in single if low <= j.size < high]
         name = f"effect and joint right, effect/noise {low:g} to {high:g}"

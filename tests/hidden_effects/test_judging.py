@@ -81,6 +81,14 @@ def test_a_second_name_that_is_not_there_spoils_a_right_one() -> None:
     assert not j.right
 
 
+def test_what_is_excused_of_a_scenario_is_not_wrong_on_a_clean_arm_either() -> None:
+    excused = Truth(0, "puma600", 0.05, (), frozenset({("transport_delay", None)}))
+    late = answer("named", finding("transport_delay", None))
+    assert not judge(excused, late, 0.5).wrong
+    assert figure([judge(excused, late, 0.5)], "false alarms").value == 0.0
+    assert figure([judge(CLEAN, late, 0.5)], "false alarms").value == 1.0
+
+
 def test_an_ambiguous_finding_is_neither_right_nor_wrong_and_holds_what_its_alternatives_hold() -> None:
     careful = finding("presliding", "joint2", "ambiguous", (("backlash", "joint2"), ("coulomb_friction", "joint2")))
     j = judge(true(COULOMB), answer("ambiguous", careful), 0.5)
