@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.base_parameters import base_parameters
+from estimator.diagnosis.answer import Diagnosis
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
@@ -112,6 +114,23 @@ class InverseModel:
         t = np.arange(len(q)) / self.rate_hz
         signals = Signals.of_motion(self.model.body, t, q, dq, ddq)
         return self.model._torque(signals, [one for one in self.model.effects if not one.measures_late])
+
+
+def diagnosed_model(body: RigidBody, found: Diagnosis) -> ArmModel:
+    """The given model with the links' deviations within their tolerance and the effects that a diagnosis found."""
+    base = base_parameters(body)
+    deviation = np.linalg.pinv(base.combination) @ found.base_deviation
+    effects = [
+        FittedEffect(
+            finding.effect,
+            finding.place,
+            {name: quantity.value for name, quantity in finding.parameters.items()},
+            {name: quantity.standard_error for name, quantity in finding.parameters.items()},
+            finding.shape,
+        )
+        for finding in found.findings
+    ]
+    return ArmModel(body.with_parameters(body.prior() + deviation), tuple(effects))
 
 
 def identified_model(found: LinkIdentification) -> ArmModel:

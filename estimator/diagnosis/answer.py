@@ -54,6 +54,8 @@ class Finding:
     """Nearest first."""
     next_experiment: str | None
     """The motion that would tell an ambiguous finding from its alternatives, one sentence."""
+    shape: Array | None = None
+    """See `Effect.hidden`."""
 
 
 @dataclass(frozen=True)
@@ -101,3 +103,5 @@ class Diagnosis:
     traces: Traces
     band: float
     """Hz up to which torques were compared."""
+    base_deviation: Array
+    """(rank,) by how much the base parameters differ from the given model's, within its tolerance."""

@@ -63,6 +63,7 @@ def diagnose(
         notes=tuple(_notes(evidence)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
+        base_deviation=refined.value[: evidence.design.base.rank],
     )
 
 
@@ -90,6 +91,7 @@ def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes
         share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),
         alternatives=near,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
+        shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
     )
 
 

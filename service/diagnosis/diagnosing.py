@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from config import InputError
+from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
 from service.diagnosis.json_answer import as_json
 from service.diagnosis.keeping import keep
 from service.diagnosis.request import DiagnoseRequest
+from service.diagnosis.simulating import replay_both
 from service.identification.read import ReadRecordings, read_recordings
+from service.models.model_file import model_file, write_model
+from service.models.store import keep_model, next_version
 
 Tell = Callable[[str, float], None]
+MODEL = "model.toml"
 
 
 @dataclass(frozen=True)
@@ -41,10 +47,46 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
         "recordings": [str(path) for path in request.recordings],
         "hold_out": [str(path) for path in request.hold_out],
         **as_json(result, read.notes),
+        "model_name": None,
         "report": None,
     }
+    if result.findings:
+        tell("simulating", 0.8)
+        extended = diagnosed_model(read.body, result)
+        answer["gain"]["simulation"] = _simulated(ArmModel(read.body), extended, read, answer["notes"])
+        if request.directory is not None:
+            answer |= _kept_model(request.directory, extended, result, read)
     if request.directory is not None:
         tell("drawing the page", 0.9)
         answer = keep(request.directory, result, answer)
     tell("done", 1.0)
     return DiagnosisOutcome(read, result, answer)
+
+
+def _kept_model(directory: Path, extended: ArmModel, result: Diagnosis, read: ReadRecordings) -> dict[str, Any]:
+    """The extended model as the arm's next version, and the same file beside the answer."""
+    arm = read.arm.name
+    file = model_file(arm, extended, result.verdict, read.sources, next_version(arm))
+    keep_model(file)
+    write_model(directory / MODEL, file)
+    return {"model": str(directory / MODEL), "model_name": f"{arm}@{file.version}"}
+
+
+def _simulated(given: ArmModel, extended: ArmModel, read: ReadRecordings, notes: list[str]) -> dict[str, Any] | None:
+    """Of what was held out, where there is some. A model that MuJoCo cannot simulate is a note, not an end."""
+    learnt = len(read.trajectories)
+    trajectories = read.hold_out or read.trajectories
+    recordings = read.recordings[learnt:] if read.hold_out else read.recordings[:learnt]
+    try:
+        replayed = replay_both(given, extended, recordings, trajectories)
+    except InputError as error:
+        notes.append(f"not simulated: {error}")
+        return None
+    by_joint = zip(read.body.joints, replayed.before_joints, replayed.after_joints, strict=True)
+    return {
+        "position_before_rms": replayed.before,
+        "position_after_rms": replayed.after,
+        "joints": {joint: {"before_rms": float(a), "after_rms": float(b)} for joint, a, b in by_joint},
+        "controller": replayed.controller,
+        "seconds": replayed.seconds,
+    }

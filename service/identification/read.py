@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config import InputError
+from driver.recording import Recording
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
@@ -27,6 +28,8 @@ class ReadRecordings:
     trajectories: tuple[Trajectory, ...]
     hold_out: tuple[Trajectory, ...]
     notes: tuple[str, ...]
+    recordings: tuple[Recording, ...]
+    """What the trajectories were taken from: those to learn from, then those held out."""
 
 
 def read_recordings(
@@ -53,6 +56,7 @@ def read_recordings(
     body: RigidBody | None = None
     sources: list[Source] = []
     read: list[Trajectory] = []
+    whole: list[Recording] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
         tell(f"reading {path.name}", 0.35 * k / len(paths))
@@ -64,6 +68,7 @@ def read_recordings(
         notes += [f"{path.name}: {note}" for note in recording.notes]
         sources.append(source_of(path, recording))
         read.append(trajectory_of(recording, body, str(path)))
+        whole.append(recording)
     assert arm is not None
     assert body is not None
     if body.held:
@@ -74,4 +79,4 @@ def read_recordings(
     learnt, doubts = examined(body, read[:count])
     judged, doubts_of_judged = examined(body, read[count:])
     notes += [*doubts, *doubts_of_judged]
-    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes))
+    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))

@@ -161,6 +161,7 @@ def arm_model(file: ModelFile) -> ArmModel:
 def write_model(path: Path, file: ModelFile) -> None:
     """Write the model file. Raises InputError when it cannot be written."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, model_text(file))
     except OSError as error:
         raise InputError(str(path), f"the model cannot be written ({error.strerror})", "check the directory") from None

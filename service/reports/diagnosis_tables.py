@@ -26,6 +26,14 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} N·m rms, "
         f"{100 * held_out['share_of_explainable']:.0f} % of what can be explained"
     )
+    simulation = answer["gain"]["simulation"]
+    if simulation is not None:
+        shown.append(
+            f"simulated under {simulation['controller']}: angles off by {figure(simulation['position_before_rms'])} → "
+            f"{figure(simulation['position_after_rms'])} rad rms"
+        )
+    if answer["model"] is not None:
+        shown.append(f"model {answer['model_name']}: {answer['model']}")
     return [*shown, f"page: {answer['report']}"] if answer["report"] else shown
 
 
