@@ -1,19 +1,32 @@
-"""The identified arm as URDF or MJCF text."""
+"""An arm as URDF or MJCF text, and what these cannot say of it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 from xml.etree import ElementTree
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
+from estimator.arm_model import ArmModel, FittedEffect
 from estimator.consistency import is_consistent
-from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
+from estimator.twin.mujoco_plant import mjcf_of, possible_bodies
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
+Kind = Literal["mjcf", "urdf"]
+HELD: Mapping[Kind, frozenset[str]] = {
+    "urdf": frozenset({"parameters", "viscous", "friction"}),
+    "mjcf": frozenset(
+        {"parameters", "viscous", "friction", "armature", "stiffness", "centre", "gravity", "gain", "offset"}
+        | {"series", "couplings"}
+    ),
+}
+"""Fields of `PlantDraft` that each format has elements for."""
 
 
 def urdf_text(body: RigidBody, parameters: Array) -> str:
@@ -43,24 +56,57 @@ def urdf_text(body: RigidBody, parameters: Array) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def mjcf_text(found: LinkIdentification, parameters: Array) -> str:
-    """The same arm as MuJoCo's MJCF, with the identified viscous and Coulomb friction and rotor inertias.
+def model_mjcf(model: ArmModel) -> str:
+    """The model as MuJoCo's MJCF: bodies, damping, dry friction, rotors, springs, elastic transmissions and gaps,
+    shared transmissions, motors with gain and offset, tilted gravity.
 
-    Raises InputError when MuJoCo refuses the bodies, or no body can have the parameters.
+    Raises InputError when MuJoCo refuses it.
     """
-    try:
-        spec = mujoco.MjSpec.from_string(urdf_text(found.body, parameters))
-        spec.compile()
-        root = ElementTree.fromstring(spec.to_xml())
-    except ValueError as error:
-        raise InputError("MJCF", f"MuJoCo refuses the arm ({error})", "export URDF instead") from None
-    joints = {joint.get("name"): joint for joint in root.iter("joint")}
-    attributes = {"viscous_friction": "damping", "coulomb_friction": "frictionloss", "rotor_inertia": "armature"}
-    for term, value in zip(found.terms, found.value[found.base.rank :], strict=True):
-        if term.name in attributes and value > 0.0:
-            joints[found.body.joints[term.joint]].set(attributes[term.name], repr(float(value)))
+    return mjcf_of(model.plant())
+
+
+def model_urdf(model: ArmModel) -> str:
+    """The model as URDF: bodies, and each joint's ``dynamics`` (viscous and dry friction), which is all that URDF has.
+
+    Raises InputError when no bodies can have nearly its parameters.
+    """
+    plant = model.plant()
+    root = ElementTree.fromstring(urdf_text(model.body, possible_bodies(plant)))
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    for name, viscous, dry in zip(model.body.joints, plant.viscous, plant.friction, strict=True):
+        joint = joints[name]
+        for stale in joint.findall("dynamics"):
+            joint.remove(stale)
+        if viscous or dry:
+            ElementTree.SubElement(joint, "dynamics", damping=repr(float(viscous)), friction=repr(float(dry)))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+@dataclass(frozen=True)
+class Left:
+    """An effect that a format cannot hold, or only a part of it."""
+
+    effect: FittedEffect
+    partly: bool
+    """Whether something of it is written: of Stribeck friction the Coulomb level and the viscous coefficient."""
+
+
+def left_out(model: ArmModel, kind: Kind) -> list[Left]:
+    """What is not in the exported file: found by what each effect changes in the plant."""
+    found = []
+    for one in model.effects:
+        before = PlantDraft(model.body, model.body.prior())
+        after = PlantDraft(model.body, model.body.prior())
+        one.simulate(after)
+        changed = {name for name in vars(after) if name != "body" and _differs(vars(before)[name], vars(after)[name])}
+        if not changed <= HELD[kind] or not changed:
+            found.append(Left(one, bool(changed & HELD[kind])))
+    return found
+
+
+def _differs(one: Any, other: Any) -> bool:
+    return not np.array_equal(one, other) if isinstance(one, np.ndarray) else bool(one != other)
 
 
 def _set_inertial(link: ElementTree.Element, values: Array) -> None:

@@ -75,16 +75,31 @@ def recover(
 
 
 def export(
-    recording: RecordingArgument,
-    output: Annotated[Path, typer.Argument(metavar="CSV", help="File to write.")],
+    source: Annotated[
+        str, typer.Argument(metavar="SOURCE", help="A recording; or a model's file, an arm's name, ARM@VERSION.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Argument(metavar="OUTPUT", help=".csv of a recording; .xml, .urdf or .toml of a model."),
+    ],
     topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
     json: JsonOption = None,
 ) -> None:
-    """Write a recording as CSV: t, q, dq, tau of each joint, and the wrench, in SI units."""
+    """Write a recording as CSV (t, q, dq, tau of each joint, and the wrench, in SI units), or a model as MuJoCo's XML,
+    as URDF or as TOML; what the format cannot hold is listed."""
+    from service.models.export import EXPORTS, export_model
+
+    if output.suffix in EXPORTS:
+        from service.models.store import named_model
+
+        exported = export_model(named_model(source), output)
+        shown = [f"wrote {output}", *(f"not in it: {sentence}" for sentence in exported["not_written"])]
+        publish({"source": source, **exported}, json, *shown)
+        return
     from driver.recording import export as export_file
 
-    left_out = export_file(recording, output, topic)
-    answer = {"recording": str(recording), "csv": str(output), "samples_left_out": left_out}
+    left_out = export_file(Path(source), output, topic)
+    answer = {"recording": source, "csv": str(output), "samples_left_out": left_out}
     remark = f"; {left_out} samples with something missing were left out" if left_out else ""
     publish(answer, json, f"wrote {output}{remark}")
 

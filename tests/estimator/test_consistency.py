@@ -11,6 +11,7 @@ import pytest
 
 from config import InputError
 from estimator import RigidBody, Trajectory, identify_links, load_rigid_body
+from estimator.arm_model import identified_model
 from estimator.consistency import (
     consistent_parameters,
     is_consistent,
@@ -18,7 +19,7 @@ from estimator.consistency import (
     parameters_of,
     pseudo_inertia,
 )
-from estimator.export import mjcf_text, urdf_text
+from estimator.export import model_mjcf, urdf_text
 
 
 def off_prior(dda: RigidBody, seed: int = 1) -> np.ndarray:
@@ -105,7 +106,7 @@ def test_impossible_parameters_are_not_exported(dda: RigidBody) -> None:
 def test_mujoco_simulates_the_identified_arm(dda: RigidBody, measured_dda: Callable[..., list[Trajectory]]) -> None:
     recordings = measured_dda(0, torque_noise=0.2, viscous=(0.5, 0.2, 0.1), coulomb=(2.0, 1.0, 0.8))
     found = identify_links(dda, recordings)
-    model = mujoco.MjModel.from_xml_string(mjcf_text(found, consistent_parameters(found).parameters))
+    model = mujoco.MjModel.from_xml_string(model_mjcf(identified_model(found)))
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.qacc[:] = (2.0, 1.2, 0.7), (1.0, -2.0, 1.5), (3.0, 2.0, -4.0)
     mujoco.mj_inverse(model, data)
