@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: install demo test test-fast test-vcan check bench campaign lock clean
+.PHONY: install demo test test-fast test-vcan check bench campaign faults lock clean
 
 install: .venv/installed
 
@@ -35,6 +35,9 @@ bench: install  ## every performance figure, beside its reference
 
 campaign: install  ## the hidden-effect campaign: how often the diagnosis is right, wrong, silent
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.campaign
+
+faults: install  ## inject every fault, print what was seen of it
+	$(BIN)/python -m tests.faults
 
 lock:  ## resolve the dependencies again
 	$(PYTHON) -m venv .venv/lock && .venv/lock/bin/pip install --quiet uv

@@ -97,6 +97,8 @@ class JointLimits(Section):
     acceleration_rad_s2: Positive
     torque_nm: Positive
     torque_rate_nm_s: Positive
+    following_error_rad: Positive = 0.2
+    """How far a joint may be from where it is told to be; drive (6065) and host watch it, and stop the arm beyond."""
 
     @model_validator(mode="after")
     def _ordered(self) -> JointLimits:

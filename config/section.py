@@ -10,7 +10,13 @@ Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 Mode = Literal["csp", "cst"]
 Quantity = Literal[
-    "servo_stiffness", "servo_damping", "torque_limit", "velocity_limit", "position_low", "position_high"
+    "servo_stiffness",
+    "servo_damping",
+    "torque_limit",
+    "velocity_limit",
+    "position_low",
+    "position_high",
+    "following_error",
 ]
 
 

@@ -23,6 +23,7 @@ def quantity(joint: Joint, key: Quantity) -> float:
         "velocity_limit": joint.limits.velocity_rad_s * abs(counts_per_rad),
         "position_low": low,
         "position_high": high,
+        "following_error": joint.limits.following_error_rad * abs(counts_per_rad),
     }[key]
 
 

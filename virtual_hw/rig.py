@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from config import Installation
 from virtual_hw.bus.wire import Bus
 from virtual_hw.drive.node import DriveNode
@@ -31,7 +33,13 @@ class Rig:
             )
             for i, joint in enumerate(installation.joint)
         ]
-        self._tick_ns = arm.tick_ns
+        self.tick_ns = arm.tick_ns
+        self.at_ticks: list[Callable[[int], None]] = []
+        """Called with the time before each servo tick."""
+        self.sense_tampers: list[Callable[[list[int], list[float]], None]] = []
+        """Faults of encoders: change counts and counts/s of all drives."""
+        self.demand_tampers: list[Callable[[list[float], list[bool]], None]] = []
+        """Faults of motors and brakes: change torque demands and brakes of all drives."""
         self._next_tick_ns = start_ns
         senses = self.power_stage.senses
         for i, node in enumerate(self.nodes):
@@ -45,7 +53,7 @@ class Rig:
             tick = self._next_tick_ns
             self._run_buses(tick)
             self._servo_tick(tick)
-            self._next_tick_ns = tick + self._tick_ns
+            self._next_tick_ns = tick + self.tick_ns
         if self.now_ns != t_ns:
             self._run_buses(t_ns)
 
@@ -64,11 +72,18 @@ class Rig:
         return min(max(ns for ns in quiet if ns <= soon), self._next_tick_ns)
 
     def _servo_tick(self, now_ns: int) -> None:
+        for act in self.at_ticks:
+            act(now_ns)
         stage = self.power_stage
         senses = stage.at_tick()
         counts, speed = senses.counts, senses.speed
+        for tamper in self.sense_tampers:
+            tamper(counts, speed)
         torque = [node.tick(now_ns, counts[i], speed[i]) for i, node in enumerate(self.nodes)]
-        stage.demand(torque, [node.axis.brake for node in self.nodes])
+        brakes = [node.axis.brake for node in self.nodes]
+        for change in self.demand_tampers:
+            change(torque, brakes)
+        stage.demand(torque, brakes)
 
 
 class MotorOf:

@@ -8,6 +8,7 @@ import gc
 import os
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from config.paths import run_directory
 from virtual_hw.bus.local import LocalPort
 from virtual_hw.bus.socketcan import SocketCanPort
 from virtual_hw.event_loop import serve
+from virtual_hw.faults import FaultScript, Injector
+from virtual_hw.faults.fault import Stage
 from virtual_hw.hidden import load_hidden
 from virtual_hw.lockstep import START_NS
 from virtual_hw.plant import build_plant
@@ -33,6 +36,7 @@ def run_standin(
     seed: int,
     ready: Callable[[], None],
     run_dir: Path | None = None,
+    faults: FaultScript | None = None,
 ) -> None:
     """Serve the installation's buses and serial lines until SIGTERM or SIGINT.
 
@@ -43,6 +47,7 @@ def run_standin(
         seed: of every random draw; in lockstep the same seed gives the same bytes.
         ready: called once, when every bus and line can be opened by a host.
         run_dir: where relative channel paths start; the run directory when absent.
+        faults: what goes wrong, and when; each is told on standard error as it begins and ends.
 
     Raises:
         InputError: a channel cannot be had (another stand-in runs, no such interface, no permission), or the hidden
@@ -69,6 +74,8 @@ def run_standin(
         for sensor in sensors:
             cleanup.callback(sensor.close)
         rig.power_stage.connect(sensors)
+        if faults is not None:
+            Injector(faults, Stage(installation, rig, ports, sensors), lambda said: print(said, file=sys.stderr))
         _quieten(lockstep=lockstep)
         ready()
         serve(rig, ports, sensors, wake, lockstep=lockstep)

@@ -62,6 +62,11 @@ class Channel(ABC):
         raise ChannelFault(f"{self.spec} runs in wall-clock time, it carries no marks")
 
     @property
+    def earlier(self) -> int:
+        """Lockstep: bytes in the buffer of the last `wait_mark` that came before its first mark."""
+        return 0
+
+    @property
     def serial_bytes(self) -> dict[int, int]:
         """Lockstep: how many bytes each sensor's line had carried altogether at the last mark, by sensor number."""
         return {}

@@ -37,6 +37,7 @@ class LocalChannel(Channel):
         self.spec = f"local:{name}"
         self.mark_ns = 0
         """Time of the last MARK."""
+        self._earlier = 0
         self._serial_bytes: dict[int, int] = {}
         self._socket = _connect(local_path(name, run_dir), self.spec)
         try:
@@ -68,6 +69,7 @@ class LocalChannel(Channel):
     def wait_mark(self, t_ns: int, buffer: bytearray, filled: int = 0) -> int:
         if not self.lockstep:
             return super().wait_mark(t_ns, buffer, filled)
+        self._earlier = -1
         with memoryview(buffer) as view:
             while self.mark_ns < t_ns:
                 end = self._receive(view, filled, 0)
@@ -78,6 +80,10 @@ class LocalChannel(Channel):
                     )
                 filled = self._take_marks(buffer, filled, end)
         return filled
+
+    @property
+    def earlier(self) -> int:
+        return max(0, self._earlier)
 
     @property
     def serial_bytes(self) -> dict[int, int]:
@@ -117,6 +123,8 @@ class LocalChannel(Channel):
             can_id, kind, value = _MARK.unpack_from(buffer, read)
             if can_id == MARK_ID:
                 self._note(kind, value)
+                if kind == MarkKind.MARK and self._earlier < 0:
+                    self._earlier = write
                 continue
             if write != read:
                 buffer[write : write + FRAME_BYTES] = buffer[read : read + FRAME_BYTES]

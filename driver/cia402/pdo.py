@@ -128,6 +128,10 @@ class PdoCodec:
         """Whether every TPDO of every drive has come since `begin_cycle`."""
         return self._fresh == self._all_fresh
 
+    def receive_late(self, bus: int, frames: bytes) -> None:
+        """Take frames that came too late for their cycle: all but feedback is as good as ever."""
+        self._inputs[bus].receive_late(frames, self.reception)
+
     def receive(self, bus: int, buffer: bytearray | memoryview | bytes, end: int) -> None:
         """Take the frames ``buffer[:end]`` that `Channel.drain` filled on bus number ``bus``."""
         self._fresh = self._inputs[bus].receive(buffer, end, self._fresh, self.reception)

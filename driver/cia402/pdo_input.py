@@ -77,6 +77,12 @@ class BusInput:
                 return fresh if end == size else self._one_by_one(buffer, size, end, fresh, reception)
         return self._one_by_one(buffer, 0, end, fresh, reception)
 
+    def receive_late(self, frames: bytes, reception: Reception) -> None:
+        """Take frames that came too late for their cycle: their feedback is passed over."""
+        for can_id, length, data in FRAME.iter_unpack(frames):
+            if can_id not in self._table:
+                reception.other.append((self.bus, can_id, data[: min(length, 8)]))
+
     def _one_by_one(
         self, buffer: bytearray | memoryview | bytes, start: int, end: int, fresh: int, reception: Reception
     ) -> int:

@@ -66,6 +66,13 @@ class Axes:
             if state is not None or feedback.age[i] <= UNSEEN_CYCLES
         )
 
+    def first_not_off(self, feedback: ArmFeedback) -> str | None:
+        """An axis that cannot be seen to be off."""
+        for axis, state in zip(self._axes, feedback.states, strict=True):
+            if state is None or state.torque_possible:
+                return axis.joint
+        return None
+
     def any_torque(self, feedback: ArmFeedback) -> bool:
         """Whether any drive may still produce torque; one that was not heard of for a moment counts."""
         return any(True for _ in self._with_torque(feedback))

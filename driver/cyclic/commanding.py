@@ -64,6 +64,8 @@ class Commanding:
         self._cycles = self._deadline = 0
         self._answer: Answer | None = None
         self._phase: Callable[[], Command] = self._idle
+        self.silent = False
+        """Whether commands and heartbeats are withheld, so that drives which do not obey stop by themselves."""
 
     @property
     def q_d(self) -> list[float]:
@@ -95,9 +97,6 @@ class Commanding:
 
     def _frozen(self, words: list[int]) -> Command:
         return Command(words, self._q_d, self._zeros, self._tau, self._tau_ff, None)
-
-    def _stopping_words(self, target: State) -> list[int]:
-        return self.axes.stopping_words(self.feedback, target)
 
     def _hold(self, q: Sequence[float]) -> None:
         """Hold ``q`` from now on, going over from the present feedforward to gravity."""

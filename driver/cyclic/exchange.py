@@ -232,6 +232,14 @@ class LockstepExchange(Exchange):
                 self._fault(bus, fault)
                 self.dead.add(bus)
                 continue
+            earlier = channel.earlier
+            if earlier > 0:
+                # From before the SYNC: what feedback is among it is of the last cycle, and no news.
+                late = bytes(buffer[:earlier])
+                self.codec.receive_late(bus, late)
+                self.counts[bus].received += earlier // FRAME_BYTES
+                self.batches.insert(0, (bus, False, self._now_ns, late))
+                buffer, end = buffer[earlier:end], end - earlier
             self._received(bus, buffer, end, end_ns)
         self._now_ns = end_ns
 

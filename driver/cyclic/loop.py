@@ -20,12 +20,14 @@ from driver.cyclic.slot import Batch, Serial
 from driver.cyclic.statistics import LoopStatistics
 from driver.cyclic.status import LoopStatus, RealtimeReport
 from driver.cyclic.supervision import Supervision
+from driver.cyclic.tracking import Tracking
 from driver.cyclic.wrench_lines import WrenchLines
 from driver.gravity import RigidBody
 from driver.plan import Plan
 
 SETTLE_CYCLES = 50
 """Cycles after commissioning within which every drive must be heard of."""
+FOLLOWING = frozenset({LoopState.HOLDING, LoopState.PLAYING})
 GOOD_START = 0.25
 """A cycle that begins within this share of its period is on time."""
 
@@ -53,6 +55,7 @@ class CyclicLoop:
         self._feedback = ArmFeedback(len(self._names))
         self._gate = Gate(installation)
         self._supervision = Supervision(installation)
+        self._tracking = Tracking(installation)
         self._statistics = LoopStatistics(installation)
         self._runs = self._time_ns = 0
         self._good_start_ns = GOOD_START * installation.cycle.period_ns
@@ -89,6 +92,8 @@ class CyclicLoop:
         if mode != self.machine.mode and self.machine.state is LoopState.IDLE:
             self._commission(mode, progress)
             self._settle()
+        if self._lines is not None:
+            self._lines.reopen_lost()
         self.machine.enable(answer)
 
     def play(self, plan: Plan) -> int:
@@ -106,6 +111,7 @@ class CyclicLoop:
             self._commission(self.machine.mode, progress)
             self._settle()
         self._supervision.forget()
+        self._tracking.forget()
         self.machine.clear(answer)
 
     def run_for(self, seconds: float, answer: Answer) -> None:
@@ -153,9 +159,13 @@ class CyclicLoop:
         exchange.faults.clear()
         self._events += found.events
         self._needs_commissioning |= found.recommission
+        astray = self._tracking.look(feedback, machine.q_d, following=machine.state in FOLLOWING)
+        if astray and machine.state in COMMANDING:
+            found.causes += [sentence for _, sentence in astray]
+            machine.distrust(joint for joint, _ in astray)
         command = self._admitted(machine.step(feedback, found.causes))
         # Heartbeats go on while the other axes are brought to rest, however one of them fell silent.
-        good = punctual and self._in_charge
+        good = punctual and self._in_charge and not machine.silent
         command = self._send(exchange, command, good)
         batches = exchange.take_batches()
         self._publish(begun, command, wrench, batches, serial)
@@ -202,7 +212,8 @@ class CyclicLoop:
         if good and self._since_beat >= self._beat_every:
             self._since_beat = 0
             frames = [data + self._beat for data in frames]
-        exchange.command(frames)
+        if not self.machine.silent:
+            exchange.command(frames)
         self.machine.sent(command)
         return command
 
@@ -242,6 +253,7 @@ class CyclicLoop:
                 before.latch(f"the drives could not be set up: {problem}")
             raise
         self._needs_commissioning = False
+        self._tracking.forget()
         self._beat = heartbeat(commissioned.master_node)
         self._statistics.begin_traffic(self._exchange)
         self._supervision.forget()

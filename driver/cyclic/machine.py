@@ -171,6 +171,7 @@ class ArmMachine(Stopping):
         self._reset_begins = False
         if not self.axes.any_fault(self.feedback) and self.feedback.complete:
             self.cause = None
+            self._distrusted.clear()
             self._set(LoopState.IDLE, self._idle, "reset")
             self._answered(None)
             return self._idle()

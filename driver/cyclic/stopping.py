@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from config import InputError, Installation
 from config.schema import Mode
-from driver.cia402.states import State
+from driver.cia402.states import Control, State
 from driver.cyclic.commanding import Command, Commanding
 from driver.cyclic.cycle import LoopState
 from driver.cyclic.damping import HANDOVER_SPEED_RAD_S, REST_SPEED_RAD_S, DampedStop, RestWatch
@@ -28,11 +28,23 @@ class Stopping(Commanding):
         super().__init__(installation, mode, body, announce)
         self._damped = DampedStop(installation, body)
         self._rest = RestWatch(installation)
+        self._distrusted: set[int] = set()
 
     def failed(self, reason: str) -> Command:
         """Nothing else can be sent: the drives stop by themselves, holding the last command that was sent."""
         self._stop(reason)
         return self._quick_stop()
+
+    def distrust(self, joints: Iterable[int]) -> None:
+        """While stopping, these joints are left to their brakes: a servo whose encoder or motor is wrong drives them
+        away with all the torque it has."""
+        self._distrusted.update(joints)
+
+    def _stopping_words(self, target: State) -> list[int]:
+        words = self.axes.stopping_words(self.feedback, target)
+        for joint in self._distrusted:
+            words[joint] = Control.DISABLE_VOLTAGE
+        return words
 
     def _quick_stop(self) -> Command:
         self._begin(LoopState.STOPPING, self._drive_side_stop, STOP_S, self._answer)
@@ -121,7 +133,16 @@ class Stopping(Commanding):
                 self._hold(self._q_d)
 
     def _off(self) -> None:
-        """All drives are off: idle after a disable, latched after a stop."""
+        """All drives are off: idle after a disable, latched after a stop.
+
+        One that is not heard of, or does not obey, may still have torque. What reaches it no more cannot stop it, but
+        silence can: it misses the host's heartbeat and stops by its own means. The others are off.
+        """
+        disobeying = self.axes.first_not_off(self.feedback)
+        if disobeying is not None and not self.silent:
+            self.silent = True
+            self.cause = self.cause or f"{disobeying} could not be switched off"
+            self._announce(f"{disobeying} may still have torque: the host's heartbeat and commands are withheld")
         if self.cause is None:
             self._set(LoopState.IDLE, self._idle)
         else:

@@ -49,6 +49,16 @@ class WrenchLines:
                 pass
             line.baseline = totals.get(number, line.port.received) - line.port.received
 
+    def reopen_lost(self) -> None:
+        """Take up sensors again that were unplugged, between motions. Raises InputError when one is still absent."""
+        for line in self._lines:
+            if line.lost:
+                line.port.close()
+                port = WrenchPort.open(line.port.sensor)
+                port.configure()
+                line.port, line.parser, line.lost = port, make_parser(port.sensor), False
+                self.events.append(f"wrench sensor {port.sensor.name}: back")
+
     def read(self, now_ns: int, totals: dict[int, int] | None = None) -> tuple[list[Serial], WrenchSample | None]:
         """Bytes since the last cycle, and the newest sample of the first sensor; ``totals`` in lockstep.
 

@@ -96,15 +96,25 @@ def virtual(
     hidden: Annotated[
         str | None, typer.Option("--hidden", metavar="FILE", help="Hidden mechanics, in place of the installation's.")
     ] = None,
+    faults: Annotated[
+        Path | None, typer.Option("--faults", metavar="FILE", help="A script of faults that the stand-in shall have.")
+    ] = None,
 ) -> None:
     """Be the stand-in arm: drives on the bus, the sensor on its line."""
     from config import load_installation
     from service.daemon.systemd import notify
+    from virtual_hw.faults import load_faults
     from virtual_hw.standin import run_standin
 
+    script = None if faults is None else load_faults(faults)
     installation = load_installation(config)
     run_standin(
-        installation, Path(hidden) if hidden else None, lockstep, seed, ready=lambda: _said_ready(notify("READY=1"))
+        installation,
+        Path(hidden) if hidden else None,
+        lockstep,
+        seed,
+        ready=lambda: _said_ready(notify("READY=1")),
+        faults=script,
     )
 
 

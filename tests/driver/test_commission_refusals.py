@@ -129,7 +129,7 @@ def test_what_commissioning_leaves_behind(drive: ScriptedDrive) -> None:
     assert [kept[0x1800 + k, 1] & 0x8000_07FF for k in range(2)] == [0x181, 0x281]
     assert all(kept[base + k, 1] & 0x8000_0000 for base in (0x1400, 0x1800) for k in (2, 3))
     assert {kept[base + k, 2] for base in (0x1400, 0x1800) for k in (0, 1)} == {1}
-    assert (kept[0x1400, 5], kept[0x1401, 5]) == (20, 20)
+    assert (kept[0x1400, 5], kept[0x1401, 5]) == (15, 15)
     # Limits and gains of the joint, options of the drive, 1 ms, heartbeats both ways.
     joint = ONE.joint[0]
     assert kept[0x6072, 0] == round(1000 * joint.limits.torque_nm / joint.rated_torque_nm)

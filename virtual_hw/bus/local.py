@@ -143,6 +143,11 @@ class LocalPort:
                 gone.append(connection)
         return gone
 
+    def tell_error(self, message: bytes) -> None:
+        """Have every host hear an error message of its controller."""
+        for connection in self.connections:
+            connection.tell(message)
+
     def drop(self, connection: Connection) -> None:
         self.connections.remove(connection)
         connection.close()

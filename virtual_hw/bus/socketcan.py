@@ -57,6 +57,10 @@ class SocketCanPort:
                     raise
             self._backlog.popleft()
 
+    def tell_error(self, message: bytes) -> None:
+        """Have every host hear an error message of its controller; a vcan carries error frames as any other."""
+        self._backlog.append(message)
+
     def close(self) -> None:
         self.bus.detach(self._controller)
         self._socket.close()

@@ -10,17 +10,21 @@ from virtual_hw.bus.frames import INTERFRAME_BITS, LONGEST_FRAME_BITS, arbitrati
 MOST_IDENTIFIERS = 4096
 FrameHandler = Callable[[int, bytes], None]
 """Called with the time in ns and the ``struct can_frame``."""
+Tamper = Callable[["Bus", bytes, "Controller"], bool]
+"""Called with a frame whose transmission has ended and its sender; True keeps it from being delivered."""
 
 
 class Controller:
     """One CAN controller on a bus: a finite transmit queue, and optionally an ear for every frame of the others."""
 
-    __slots__ = ("depth", "hear", "lost", "queued")
+    __slots__ = ("deaf", "depth", "hear", "lost", "queued")
 
     def __init__(self, depth: int, hear: FrameHandler | None = None) -> None:
         self.depth = depth
         self.hear = hear
         self.queued = 0
+        self.deaf = False
+        """Whether nothing of the bus reaches it."""
         self.lost = 0
         """Frames dropped because the transmit queue was full."""
 
@@ -63,6 +67,8 @@ class Bus:
         self._identifiers: dict[bytes, _Identifier] = {}
         """By the four bytes of the identifier in a `struct can_frame`."""
         self._at_once = False
+        self.tampers: list[Tamper] = []
+        """Faults that lay hands on frames."""
 
     def attach(self, controller: Controller) -> None:
         """Connect a controller; one with an ear hears every frame of the others from now on."""
@@ -161,11 +167,21 @@ class Bus:
             self._deliver(raw, sender, identifier)
         self.clock_ns = t_ns
 
+    def carry(self, raw: bytes, sender: Controller) -> None:
+        """Deliver a frame at the present time, past all tampers."""
+        self._reach(raw, sender, self._identifier(raw[:4]))
+
     def _deliver(self, raw: bytes, sender: Controller, identifier: _Identifier) -> None:
+        for tamper in self.tampers:
+            if tamper(self, raw, sender):
+                return
+        self._reach(raw, sender, identifier)
+
+    def _reach(self, raw: bytes, sender: Controller, identifier: _Identifier) -> None:
         now = self.clock_ns
         for ear, hear in self._ears:
-            if ear is not sender:
+            if ear is not sender and not ear.deaf:
                 hear(now, raw)
         for listener, handler in identifier.handlers:
-            if listener is not sender:
+            if listener is not sender and not listener.deaf:
                 handler(now, raw)

@@ -52,6 +52,10 @@ class Axis:
         self._quick_stop_option = 0
         self._reset_bit = True
         self._commanded = False
+        self.fault_stands = False
+        """Whether the cause of the present fault is still there, so that it cannot be reset."""
+        self.abort_options = {2: 2, 3: 3}
+        """What 6007 means to this drive; some vendors swap "disable voltage" (2) and "quick stop" (3)."""
         slot = store.slot
         self._controlword, self._statusword = slot(0x6040), slot(0x6041)
         self._mode_set, self._mode = slot(0x6060), slot(0x6061)
@@ -116,7 +120,7 @@ class Axis:
             self._abort_motion()
 
     def _abort_motion(self) -> None:
-        option = self._option(0x6007)
+        option = self.abort_options.get(self._option(0x6007))
         self._commanded = False
         if self.state is not PowerState.OPERATION_ENABLED:
             return
@@ -124,6 +128,10 @@ class Axis:
             self._power_off(PowerState.SWITCH_ON_DISABLED)
         elif option == 3:
             self._quick_stop()
+
+    def cut_torque(self) -> None:
+        """The safety circuit takes the torque away (STO); the drive sees its power stage off."""
+        self._power_off(PowerState.SWITCH_ON_DISABLED)
 
     def sense(self, counts: int, velocity: float) -> None:
         """Show what the sensors say in 6064 and 606C."""
@@ -186,7 +194,7 @@ class Axis:
         reset = bool(controlword & FAULT_RESET)
         rising, self._reset_bit = reset and not self._reset_bit, reset
         if self.state is PowerState.FAULT:
-            if rising and not self.blocked:
+            if rising and not self.blocked and not self.fault_stands:
                 self._emergencies.clear(*self._emergencies.present)
                 self.state = PowerState.SWITCH_ON_DISABLED  # 15
             return

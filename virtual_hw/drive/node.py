@@ -59,8 +59,10 @@ class DriveNode:
         self.store = ObjectStore(drive.eds, joint.node_id)
         self._measure(senses)
         self.store.preset(0x6076, 0, round(joint.rated_torque_nm / abs(joint.gear_ratio) * 1000))
-        self._sdo = SdoServer(self.store)
-        self._emergencies = Emergencies(self.store, self._send_emergency)
+        self.sdo = SdoServer(self.store)
+        self.answer_sdo = self.sdo.answer
+        """Bytes of an SDO request to those of its answer."""
+        self._emergencies = Emergencies(self.store, self.send_emergency)
         self.axis = Axis(self.store, joint, tick_ns, self._emergencies)
         self._heartbeats = Heartbeats(self.store, bus, self.controller, self._send_heartbeat, self._heartbeat_lost)
         self._rpdos = [ReceivePdo(self.store, k, self._length_error) for k in range(4) if self.store.has(0x1400 + k, 1)]
@@ -124,15 +126,16 @@ class DriveNode:
             return
         command = raw[8]
         if command == 0x01:
-            self._enter(NmtState.OPERATIONAL)
+            self.enter(NmtState.OPERATIONAL)
         elif command == 0x02:
             self._stopped()
         elif command == 0x80:
-            self._enter(NmtState.PRE_OPERATIONAL)
+            self.enter(NmtState.PRE_OPERATIONAL)
         elif command in (0x81, 0x82):
-            self._reset(0x0000 if command == 0x81 else 0x1000)
+            self.reset(0x0000 if command == 0x81 else 0x1000)
 
-    def _enter(self, state: NmtState) -> None:
+    def enter(self, state: NmtState) -> None:
+        """Go to an NMT state, as after the host's command."""
         if state is self.nmt:
             return
         self.nmt = state
@@ -140,12 +143,12 @@ class DriveNode:
 
     def _stopped(self) -> None:
         if self.nmt is not NmtState.STOPPED:
-            self._enter(NmtState.STOPPED)
+            self.enter(NmtState.STOPPED)
             self.axis.disconnect()
 
-    def _reset(self, low: int) -> None:
+    def reset(self, low: int) -> None:
         """Reset node (all objects) or reset communication (1000h to 1FFFh); the power stage goes off with a node."""
-        self._sdo.reset()
+        self.sdo.reset()
         if low == 0:
             self.store.reset()
             self._emergencies.reset()
@@ -222,7 +225,7 @@ class DriveNode:
             self.axis.select_mode()
 
     def _on_sdo(self, _now_ns: int, raw: bytes) -> None:
-        answer = self._sdo.answer(raw[8 : 8 + raw[4]])
+        answer = self.answer_sdo(raw[8 : 8 + raw[4]])
         if answer is not None:
             self._send(frame(0x580 + self.node_id, answer))
 
@@ -244,9 +247,9 @@ class DriveNode:
         self.axis.connection_lost(ErrorCode.HEARTBEAT_LOST)
         behaviour = self.store.values[self.store.slot(0x1029, 1)]
         if behaviour == 0 and self.nmt is NmtState.OPERATIONAL:
-            self._enter(NmtState.PRE_OPERATIONAL)
+            self.enter(NmtState.PRE_OPERATIONAL)
         elif behaviour == 2:
-            self._enter(NmtState.STOPPED)
+            self.enter(NmtState.STOPPED)
 
     # --- transmission
 
@@ -256,7 +259,8 @@ class DriveNode:
     def _send_heartbeat(self) -> None:
         self._send(frame(0x700 + self.node_id, bytes((self.nmt,))))
 
-    def _send_emergency(self, data: bytes) -> None:
+    def send_emergency(self, data: bytes) -> None:
+        """Put eight EMCY bytes on the bus, when the NMT state allows."""
         if self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL):
             cob_id = self.store.values[self.store.slot(0x1014)]
             if not cob_id & 1 << 31:

@@ -92,14 +92,14 @@ class BotaSensor(Sensor):
             self._answer(name, DONE, now_ns)
             self._run(now_ns)
         elif name == "w":
-            settings = f"c,1,{int(self._calibrated)},0,{BAUD_RATES.index(self._line.baud)}\r\nf,{self._sinc},0,0,1\r\n"
-            self._line.answer(settings.encode(), now_ns)
+            settings = f"c,1,{int(self._calibrated)},0,{BAUD_RATES.index(self.line.baud)}\r\nf,{self._sinc},0,0,1\r\n"
+            self.line.answer(settings.encode(), now_ns)
             self._answer(name, DONE, now_ns)
         else:
             self._answer(name, self._set(name, rest), now_ns)
 
     def _answer(self, name: str, code: int, now_ns: int) -> None:
-        self._line.answer(f"r,0,{name},{code}\r\n".encode(), now_ns)
+        self.line.answer(f"r,0,{name},{code}\r\n".encode(), now_ns)
 
     def _set(self, name: str, rest: str) -> int:
         if name == "s":
@@ -130,12 +130,12 @@ class BotaSensor(Sensor):
         if not _fits(rate, self._sinc):
             return REFUSED
         self._calibrated = calibrate == 1
-        self._line.baud = rate
+        self.line.baud = rate
         return DONE
 
     def _set_filter(self, sinc: float, chop: float, fast: float, fir_disable: float) -> int:
         """The stand-in has the sinc filter alone: no chopping, no fast settling, no FIR."""
-        if sinc not in SINC_LENGTHS or (chop, fast, fir_disable) != (0, 0, 1) or not _fits(self._line.baud, int(sinc)):
+        if sinc not in SINC_LENGTHS or (chop, fast, fir_disable) != (0, 0, 1) or not _fits(self.line.baud, int(sinc)):
             return REFUSED
         self._sinc = int(sinc)
         return DONE

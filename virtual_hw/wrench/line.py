@@ -29,13 +29,20 @@ class PtyLine:
 
         Raises InputError when the link cannot be made.
         """
-        self.path, self.baud, self._latency_ns = path, baud, latency_ns
+        self.path, self.baud, self.latency_ns = path, baud, latency_ns
         self.total_bytes = 0
         """Bytes that the line has carried to a host altogether."""
         self._queue: deque[tuple[int, bytes]] = deque()
         self._sent = 0
         self._free_ns = 0
         self._last_burst_ns = 0
+        # A hung-up line is "ready" all the time; edge-triggered inside an epoll of its own it wakes nobody for nothing.
+        self._ready = select.epoll()
+        self._plugged = False
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        """Make the device and its link. Raises InputError when the link cannot be made."""
         self._master, slave = pty.openpty()
         self._device = os.ttyname(slave)
         tty.setraw(slave)
@@ -44,14 +51,22 @@ class PtyLine:
         os.set_blocking(self._master, False)
         self._hang_up = select.poll()
         self._hang_up.register(self._master, 0)
-        # A hung-up line is "ready" all the time; edge-triggered inside an epoll of its own it wakes nobody for nothing.
-        self._ready = select.epoll()
         self._ready.register(self._master, select.EPOLLIN | select.EPOLLET)
+        self._plugged = True
         try:
             self._link()
         except (InputError, OSError):
-            self._release()
+            self.close()
             raise
+
+    def unplug(self) -> None:
+        """Take the device away, as when the cable is pulled; `plug_in` makes another."""
+        if self.path.is_symlink() and str(self.path.readlink()) == self._device:
+            self.path.unlink()
+        self._plugged = False
+        self._queue.clear()
+        self._sent = 0
+        os.close(self._master)
 
     def _link(self) -> None:
         if os.path.lexists(self.path):
@@ -72,7 +87,7 @@ class PtyLine:
 
     def receive(self) -> bytes:
         """All that the host has written."""
-        if not self._ready.poll(0):
+        if not self._plugged or not self._ready.poll(0):
             return b""
         parts = []
         while True:
@@ -107,8 +122,8 @@ class PtyLine:
         """Let everything arrive at the host that is due by ``now_ns``."""
         if not self._queue:
             return
-        if self._latency_ns:
-            now_ns -= now_ns % self._latency_ns
+        if self.latency_ns:
+            now_ns -= now_ns % self.latency_ns
             if now_ns == self._last_burst_ns:
                 return
             self._last_burst_ns = now_ns
@@ -138,7 +153,7 @@ class PtyLine:
         self._write(data)
 
     def _write(self, data: bytes) -> None:
-        if self._hang_up.poll(0):
+        if not self._plugged or self._hang_up.poll(0):
             return
         try:
             self.total_bytes += os.write(self._master, data)
@@ -146,11 +161,7 @@ class PtyLine:
             return  # the host does not read: its receive buffer has overflowed
 
     def close(self) -> None:
-        """Take the line away, as when the cable is pulled."""
-        if self.path.is_symlink() and str(self.path.readlink()) == self._device:
-            self.path.unlink()
-        self._release()
-
-    def _release(self) -> None:
+        """Take the line away for good."""
+        if self._plugged:
+            self.unplug()
         self._ready.close()
-        os.close(self._master)

@@ -95,7 +95,7 @@ class RobotiqSensor(Sensor):
         payload = reply if isinstance(reply, bytes) else bytes([reply])
         head = bytes([SLAVE, function if isinstance(reply, bytes) else function | 0x80])
         message = head + payload
-        self._line.answer(message + struct.pack("<H", crc_modbus(message)), now_ns)
+        self.line.answer(message + struct.pack("<H", crc_modbus(message)), now_ns)
         self._streaming = starts
 
     def _reply(self, function: int, data: bytes) -> bytes | int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from config.schema import WrenchSensor
 from virtual_hw.wrench.line import PtyLine
@@ -17,9 +18,11 @@ class Sensor(ABC):
 
     def __init__(self, sensor: WrenchSensor, transducer: Transducer, line: PtyLine) -> None:
         self.sensor = sensor
-        self._transducer, self._line = transducer, line
+        self._transducer, self.line = transducer, line
         self._streaming = False
         self._skipped = False
+        self.tamper: Callable[[bytes], bytes] | None = None
+        """A fault of the electronics: changes each frame before it goes to the line; no bytes for none."""
         self.latest = [0.0] * 6
         """Last output sample, N and N·m in the sensor's frame."""
         self.total_bytes = 0
@@ -27,27 +30,31 @@ class Sensor(ABC):
 
     def fileno(self) -> int:
         """Readable when the host has sent commands."""
-        return self._line.fileno()
+        return self.line.fileno()
 
     def close(self) -> None:
-        self._line.close()
+        self.line.close()
 
     def advance(self, now_ns: int) -> None:
         """Hear commands, take the samples and send the bytes that are due by ``now_ns``."""
-        received = self._line.receive()
+        received = self.line.receive()
         if received:
             self._hear(received, now_ns)
         for instant_ns, wrench in self._transducer.samples(now_ns):
             self.latest = wrench
             if not self._streaming:
                 continue
-            if self._line.backlog >= BACKLOG:
+            if self.line.backlog >= BACKLOG:
                 self._skipped = True
                 continue
-            self._line.queue(self._frame(wrench, instant_ns, self._skipped), instant_ns)
+            frame = self._frame(wrench, instant_ns, self._skipped)
+            if self.tamper is not None:
+                frame = self.tamper(frame)
+            if frame:
+                self.line.queue(frame, instant_ns)
             self._skipped = False
-        self._line.pump(now_ns)
-        self.total_bytes = self._line.total_bytes
+        self.line.pump(now_ns)
+        self.total_bytes = self.line.total_bytes
 
     @abstractmethod
     def _hear(self, received: bytes, now_ns: int) -> None:

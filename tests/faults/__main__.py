@@ -1,0 +1,53 @@
+"""``make faults``: runs the fault matrix and prints what was seen of each fault."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+from rich.console import Console
+from rich.table import Table
+
+from tests.faults.matrix import Seen, run_on_dda, silence
+from tests.faults.scenarios import SCENARIOS
+
+HEADINGS = ("family", "fault", "the arm", "seen by", "cycles", "bound", "moved on", "kept", "what it says")
+WIDTH = 200
+
+
+def main() -> int:
+    """Returns 1 when a fault was not seen as it must be."""
+    table = Table(title="Fault matrix on the MIT direct drive arm; cycles of 1 ms, frames kept")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="right" if heading in ("cycles", "bound", "kept") else "left")
+    failures = 0
+    workers = min(2, os.cpu_count() or 1)
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=silence) as pool:
+        for seen in pool.map(run_on_dda, SCENARIOS):
+            table.add_row(*_row(seen), style="red" if seen.problems else None)
+            failures += bool(seen.problems)
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table)
+    print(f"{len(SCENARIOS)} faults, {failures} not as they must be")
+    return 1 if failures else 0
+
+
+def _row(seen: Seen) -> tuple[str, ...]:
+    scenario, stopped = seen.scenario, seen.outcome == "stops"
+    says = seen.sentence.partition(";")[0] if seen.outcome != "goes on" else scenario.words
+    return (
+        scenario.family,
+        scenario.name,
+        seen.outcome,
+        seen.by if seen.outcome != "goes on" else "",
+        str(seen.cycles) if stopped else "",
+        str(scenario.within) if stopped else "",
+        f"{seen.travel_rad:.2f} rad",
+        str(seen.kept_frames) if stopped else "",
+        "; ".join(seen.problems) or says,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""Lets the faults of a script happen at their times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from virtual_hw.drive.states import PowerState
+from virtual_hw.faults.fault import Fault, SensorFault, Stage
+from virtual_hw.faults.script import FaultScript
+from virtual_hw.faults.sensors import require_bota
+
+MOVING_RAD_S = 0.02
+"""rad/s: a joint that is faster moves."""
+
+
+class Injector:
+    """Watches the rig before every servo tick; begins and ends faults, and tells of each."""
+
+    def __init__(self, script: FaultScript, stage: Stage, tell: Callable[[str], None]) -> None:
+        """Raises InputError when a fault is of a place that the installation does not have."""
+        self._stage, self._tell = stage, tell
+        for fault in script.fault:
+            fault.check(stage)
+            if isinstance(fault, SensorFault):
+                require_bota(fault, stage.sensor(fault.sensor))
+        self._waiting: list[Fault] = list(script.fault)
+        self._present: list[tuple[Fault, int | None]] = []
+        self._reached: dict[str, int] = {"start": stage.rig.now_ns}
+        self.begun: list[tuple[int, Fault]] = []
+        """Time in ns and fault, for each that has begun."""
+        self._counts_per_rad = [abs(j.encoder.counts_per_turn) / math.tau for j in stage.installation.joint]
+        stage.rig.at_ticks.append(self._tick)
+        self._act(stage.rig.now_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        self._look(now_ns)
+        self._act(now_ns)
+
+    def _look(self, now_ns: int) -> None:
+        nodes = self._stage.rig.nodes
+        if "enabled" not in self._reached:
+            if all(node.axis.state is PowerState.OPERATION_ENABLED for node in nodes):
+                self._reached["enabled"] = now_ns
+        elif "moving" not in self._reached:
+            speeds = self._stage.rig.power_stage.senses.speed
+            if any(abs(v) > MOVING_RAD_S * k for v, k in zip(speeds, self._counts_per_rad, strict=True)):
+                self._reached["moving"] = now_ns
+
+    def _act(self, now_ns: int) -> None:
+        for fault in [f for f in self._waiting if self._due(f, now_ns)]:
+            self._waiting.remove(fault)
+            end_ns = None if fault.duration_ms is None else now_ns + round(fault.duration_ms * 1e6)
+            fault.begin(self._stage)
+            self._present.append((fault, end_ns))
+            self.begun.append((now_ns, fault))
+            self._tell(f"fault begins at {now_ns} ns: {_described(fault)}")
+        for entry in list(self._present):
+            fault, end_ns = entry
+            if end_ns is not None and now_ns >= end_ns:
+                self._present.remove(entry)
+                fault.end(self._stage)
+                self._tell(f"fault ends at {now_ns} ns: {_described(fault)}")
+            else:
+                fault.tick(self._stage, now_ns)
+
+    def _due(self, fault: Fault, now_ns: int) -> bool:
+        since = self._reached.get(fault.after)
+        return since is not None and now_ns >= since + round(fault.delay_ms * 1e6)
+
+
+def _described(fault: Fault) -> str:
+    """Its keys, apart from when it happens."""
+    keys = fault.model_dump(exclude={"after", "delay_ms", "duration_ms"}, exclude_defaults=True)
+    return ", ".join(f"{key} {value}" for key, value in {"kind": getattr(fault, "kind", ""), **keys}.items())
