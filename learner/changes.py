@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from learner.cosine_spectrum import smoothed_power
 from learner.trial_filter import Surprise
 
 Array = NDArray[np.float64]
@@ -17,6 +18,8 @@ LOOKED_AT_HZ = 20.0
 """Loads and friction change what lies below; above, lines are many and carry mostly noise."""
 LEAST_RATIO = 3.0
 """However many lines there are: the noise's own spectrum is known no better than this."""
+TELLING = 0.25
+"""Of the power of what the model lacked: half its size, by which a trial may differ without another arm being meant."""
 CORRELATED = 0.5
 """Of two successive innovations, from which on a drift is spoken of."""
 
@@ -32,9 +35,14 @@ class Change:
 
 
 class ChangeWatch:
-    """Compares each trial with what was expected of it, and with the trial before."""
+    """Compares each trial with what was expected of it, and with the trial before.
 
-    def __init__(self, frequency: Array, replays: int, band_hz: float) -> None:
+    ``correction`` (lines × n): what the model lacked before practice. Friction and ripple answer to the slightest
+    change of the motion; only what differs by more than the model lacked then is called another arm.
+    """
+
+    def __init__(self, frequency: Array, replays: int, band_hz: float, correction: Array) -> None:
+        self._lacked = TELLING * smoothed_power(correction**2)
         self._lines = frequency <= min(LOOKED_AT_HZ, band_hz)
         count = max(1, int(self._lines.sum()))
         # Noise that is stronger where the arm is faster correlates neighbouring lines: half of them count.
@@ -46,7 +54,8 @@ class ChangeWatch:
     def look(self, surprise: Surprise) -> Change:
         """Judge one trial's surprise."""
         normal = (surprise.innovation / np.sqrt(surprise.variance))[self._lines]
-        ratio = np.mean(normal**2, axis=0)
+        tolerated = (surprise.innovation**2 / (surprise.variance + self._lacked))[self._lines]
+        ratio = np.mean(tolerated, axis=0)
         changed = ratio > self.bound
         drifting = np.zeros_like(changed)
         if self._before is not None:

@@ -23,9 +23,12 @@ Complex = NDArray[np.complex128]
 
 
 class LearningOperator(Protocol):
-    """``name`` is what the command line calls it."""
+    """Turns a trial's error into its command's error, and can say beforehand what that does."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What the command line calls it."""
+        ...
 
     def command_error(self, trial: Trial, reference: Reference) -> Array:
         """δûⁱ (samples × n, N·m), in time with the trial's torque (Eq. 6.7)."""

@@ -67,9 +67,9 @@ class Update(Protocol):
     @property
     def variance(self) -> Array: ...
 
-    def expect(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise: ...
+    def expect(self, measured: Array, repeats: int = 1) -> Surprise: ...
 
-    def take(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise: ...
+    def take(self, measured: Array, repeats: int = 1) -> None: ...
 
 
 class GainOne:
@@ -85,14 +85,11 @@ class GainOne:
     def correction(self) -> Array:
         return to_history(self._pass * self._lines)
 
-    def expect(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise:
-        lines = to_lines(measured)
-        return Surprise(lines - self._lines, 2.0 * self._noise + to_lines(command_error) ** 2)
+    def expect(self, measured: Array, repeats: int = 1) -> Surprise:
+        return Surprise(to_lines(measured) - self._lines, (1.0 + 1.0 / repeats) * self._noise)
 
-    def take(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise:
-        surprise = self.expect(measured, command_error, repeats)
+    def take(self, measured: Array, repeats: int = 1) -> None:
         self._lines = to_lines(measured)
-        return surprise
 
 
 def prepare(
@@ -130,27 +127,27 @@ class Practice:
         self.repeatability: Repeatability = repeatability(replays, reference)
         self._frequency = frequencies(reference.samples, reference.period)
         measured = np.array([self._needed(trial) for trial in replays])
-        errors = np.array([task.operator.command_error(trial, reference) for trial in replays])
         noise = noise_of(measured)
         band = task.certificate.band_hz
         self.update: Update
         if hand_picked_hz is None:
-            gain = task.certificate.gain_at(self._frequency)
-            self.update = TrialFilter(self._frequency, noise, gain, band)
-            self._surprise = self.update.take(measured.mean(axis=0), errors.mean(axis=0), len(replays))
+            self.update = TrialFilter(self._frequency, noise, band)
+            first, repeats = measured.mean(axis=0), len(replays)
         else:
             # One trial is all that this update ever looks at.
             self.update = GainOne(self._frequency, noise, min(hand_picked_hz, band))
-            self._surprise = self.update.take(measured[-1], errors[-1])
-        self._watch = ChangeWatch(self._frequency, len(replays), band)
+            first, repeats = measured[-1], 1
+        self._lacked = self.update.expect(first, repeats)
+        self.update.take(first, repeats)
+        self._watch = ChangeWatch(self._frequency, len(replays), band, to_lines(self.update.correction))
         self._applied = np.zeros_like(task.base)
         self._response = self._velocity_response()
         self._predicted = np.full(reference.n, np.nan)
         self.changed_in_a_row = 0
         self.near_in_a_row = 0
-        first = np.sqrt(np.mean([t.velocity_error_rms(reference) ** 2 for t in replays], axis=0))
+        rms = np.sqrt(np.mean([t.velocity_error_rms(reference) ** 2 for t in replays], axis=0))
         peak = np.max([t.position_error_peak(reference) for t in replays], axis=0)
-        self.lessons: list[Lesson] = [Lesson(first, peak, self._predicted, (), True, self._near(first))]
+        self.lessons: list[Lesson] = [Lesson(rms, peak, self._predicted, (), True, self._near(rms))]
         self._renew()
 
     @property
@@ -168,10 +165,10 @@ class Practice:
 
         Raises InputError when the trial is not whole: nothing is learnt from it.
         """
-        task, reference = self.task, self.task.reference
+        reference = self.task.reference
         trial.check(reference)
-        needed, error = self._needed(trial), task.operator.command_error(trial, reference)
-        change = self._watch.look(self.update.expect(needed, error))
+        needed = self._needed(trial)
+        change = self._watch.look(self.update.expect(needed))
         rms = trial.velocity_error_rms(reference)
         learnt = not change.changed.any()
         findings = self._findings(rms, change, names)
@@ -181,7 +178,7 @@ class Practice:
         lesson = Lesson(rms, trial.position_error_peak(reference), self._predicted, findings, learnt, near)
         self.lessons.append(lesson)
         if learnt:
-            self.update.take(needed, error)
+            self.update.take(needed)
             self._renew()
         return lesson
 
@@ -212,7 +209,7 @@ class Practice:
     def _beyond_band(self) -> Array:
         """(n,) mean square velocity error of what is never learnt, from the first trials' spectrum."""
         closed = 1.0 - low_pass(self._frequency, self.task.certificate.band_hz)[:, None]
-        excess = np.maximum(self._surprise.innovation**2 - self._surprise.variance, 0.0)
+        excess = np.maximum(self._lacked.innovation**2 - self._lacked.variance, 0.0)
         return np.asarray(np.sum(self._response * closed * excess, axis=0) / self.task.reference.samples)
 
     def _velocity_response(self) -> Array:

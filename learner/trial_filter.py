@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from learner.cosine_spectrum import low_pass, smoothed_power, to_history, to_lines
 
 Array = NDArray[np.float64]
+CHANCE = 1.5
+"""Times the noise that a smoothed spectrum of noise alone reaches easily."""
 WANDER = 0.01
 """Variance by which the needed correction may change between two trials, as a share of the noise."""
 
@@ -32,16 +34,18 @@ class TrialFilter:
     """Estimates the correction (samples × n) over trials.
 
     ``frequency``: (lines,) Hz of the cosine spectrum. ``noise``: (lines, n) N²·m², of one trial's measurement.
-    ``gain``: (lines,) of Λ: what a command error that is still there adds to the measurement through the model's
-    faults. ``band_hz``: beyond it nothing is learnt.
+    ``band_hz``: beyond it nothing is learnt.
+
+    What a trial says beyond the noise, averaged over neighbouring lines, is believed: friction answers to the motion
+    itself, so that the correction which the arm needs changes while the motion comes nearer to the wanted one. Where
+    a trial says nothing beyond the noise, the gain falls as one over the number of trials.
     """
 
-    def __init__(self, frequency: Array, noise: Array, gain: Array, band_hz: float) -> None:
+    def __init__(self, frequency: Array, noise: Array, band_hz: float) -> None:
         self.noise = np.maximum(noise, np.finfo(float).tiny)
-        self._fault = np.minimum(gain, 1.0)[:, None] ** 2
         self._pass = low_pass(frequency, band_hz)[:, None]
         self._estimate = np.zeros_like(noise)
-        self._variance: Array | None = None
+        self._variance = np.zeros_like(noise)
 
     @property
     def correction(self) -> Array:
@@ -51,33 +55,21 @@ class TrialFilter:
     @property
     def variance(self) -> Array:
         """(lines, n) N²·m²: of the estimate's error, within the band."""
-        return self._pass**2 * (self.noise if self._variance is None else self._variance)
+        return np.asarray(self._pass**2 * self._variance)
 
-    def expect(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise:
+    def expect(self, measured: Array, repeats: int = 1) -> Surprise:
         """How far a measurement lies from the estimate. Takes nothing in; see `take`."""
-        innovation = to_lines(measured) - self._estimate
-        spread = self._trusted(command_error, repeats)
-        prior = self._variance if self._variance is not None else self._first(innovation, spread)
-        return Surprise(innovation, prior + spread)
+        return Surprise(to_lines(measured) - self._estimate, self._variance + self.noise / repeats)
 
-    def take(self, measured: Array, command_error: Array, repeats: int = 1) -> Surprise:
-        """Take in one trial's measurement (samples × n, N·m), or the mean of ``repeats`` replays of one command.
-
-        ``command_error``: δû of the trial (Eq. 6.7), whose image by the model's faults is noise of this trial too.
-        """
-        surprise = self.expect(measured, command_error, repeats)
-        prior = surprise.variance - self._trusted(command_error, repeats)
-        share = prior / surprise.variance
+    def take(self, measured: Array, repeats: int = 1) -> None:
+        """Take in one trial's measurement (samples × n, N·m), or the mean of ``repeats`` replays of one command."""
+        surprise = self.expect(measured, repeats)
+        noise = self.noise / repeats
+        shown = smoothed_power(surprise.innovation**2) - CHANCE * noise
+        prior = np.maximum(self._variance, shown)
+        share = prior / (prior + noise)
         self._estimate = self._estimate + share * surprise.innovation
-        self._variance = (1.0 - share) * prior + WANDER * self.noise
-        return surprise
-
-    def _trusted(self, command_error: Array, repeats: int) -> Array:
-        return self.noise / repeats + self._fault * smoothed_power(to_lines(command_error) ** 2)
-
-    def _first(self, innovation: Array, spread: Array) -> Array:
-        # Before the first trial nothing is known: the repeatable part's spectrum is what exceeds the noise.
-        return np.maximum(smoothed_power(innovation**2) - spread, 1e-3 * spread)
+        self._variance = share * noise + WANDER * self.noise
 
 
 def noise_of(measured: Array) -> Array:

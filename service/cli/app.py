@@ -15,6 +15,7 @@ from service.cli import (
     identifying,
     identifying_load,
     models,
+    practising,
     recorded,
     serving,
 )
@@ -41,6 +42,9 @@ identifying.app.command("load")(identifying_load.load)
 app.add_typer(identifying.app, name="identify")
 app.command("diagnose")(diagnosing.diagnose)
 app.add_typer(models.app, name="model")
+app.command("certify")(practising.certify)
+app.command("practise")(practising.practise)
+app.command("compare-controllers")(practising.compare_controllers)
 app.command("recordings")(recorded.recordings)
 app.command("replay")(recorded.replay)
 app.command("recover")(recorded.recover)

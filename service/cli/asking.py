@@ -49,11 +49,23 @@ def run(
     arm: ArmOption = None,
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
+    feedforward: Annotated[
+        Path | None,
+        typer.Option(
+            "--feedforward", metavar="MODEL", help="Model file, or what practice learnt on this motion (CSV)."
+        ),
+    ] = None,
     attached: AttachedOption = False,
     json: JsonOption = None,
 ) -> None:
     """Play a motion and record it."""
-    asked = {"motion": motion_reference(motion), "mode": mode, "controller": controller, "attached": attached}
+    asked = {
+        "motion": motion_reference(motion),
+        "mode": mode,
+        "controller": controller,
+        "feedforward": None if feedforward is None else str(feedforward.absolute()),
+        "attached": attached,
+    }
     answer = conduct(arm, "run", asked)
     table = Table("joint", "position rms [rad]", "peak", "velocity rms [rad/s]", "peak", box=None)
     for joint, error in answer["tracking_error"].items():

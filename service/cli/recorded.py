@@ -152,6 +152,14 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
         lines += link_report(result)
     elif result is not None and record.kind == "identify-load":
         lines += load_report(result)
+    elif result is not None and record.kind == "practise":
+        from service.practice.answers import practice_report
+
+        lines += practice_report(result)
+    elif result is not None and record.kind == "compare-controllers":
+        from service.reports.controller_plot import controller_report
+
+        lines += controller_report(result)
     elif result is not None:
         lines += [
             f"{joint}: " + ", ".join(f"{k} {v:.4g}" for k, v in error.items() if v is not None)

@@ -11,9 +11,12 @@ from pydantic import BaseModel, ValidationError
 
 from config import InputError
 from service.daemon.server import Call, Command
+from service.practice.course import PracticeArguments
+from service.sessions.compare_controllers import CompareArguments, CompareControllers
 from service.sessions.conductor import Conductor
 from service.sessions.identify_links import IdentifyLinks, IdentifyLinksArguments
 from service.sessions.identify_load import IdentifyLoad, IdentifyLoadArguments
+from service.sessions.practise import Practise
 from service.sessions.procedure import Procedure
 from service.sessions.run_motion import RunArguments, RunMotion
 
@@ -53,6 +56,14 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         attached, asked = _taken(call.arguments, IdentifyLoadArguments)
         return await _conducted(conductor, call, attached, lambda: IdentifyLoad(installation, asked))
 
+    async def practise(call: Call) -> dict[str, Any]:
+        attached, asked = _taken(call.arguments, PracticeArguments)
+        return await _conducted(conductor, call, attached, lambda: Practise(installation, asked))
+
+    async def compare_controllers(call: Call) -> dict[str, Any]:
+        attached, asked = _taken(call.arguments, CompareArguments)
+        return await _conducted(conductor, call, attached, lambda: CompareControllers(installation, asked))
+
     return {
         "status": Command(status, looks_only=True),
         "follow": Command(follow, looks_only=True),
@@ -61,6 +72,8 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         "run": Command(run),
         "identify_links": Command(identify_links),
         "identify_load": Command(identify_load),
+        "practise": Command(practise),
+        "compare_controllers": Command(compare_controllers),
     }
 
 

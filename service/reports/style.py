@@ -28,10 +28,13 @@ matplotlib.rcParams.update(
 )
 
 
-def figure(panels: int, title: str) -> tuple[Figure, list[Any]]:
-    """A figure of that many panels over a shared horizontal axis. Made without pyplot: no state, no display."""
+def figure(panels: int, title: str, *, shared: bool = True) -> tuple[Figure, list[Any]]:
+    """A figure of that many panels, over a ``shared`` horizontal axis or each over its own.
+
+    Made without pyplot: no state, no display.
+    """
     fig = Figure(figsize=(11.0, 0.9 + 1.9 * panels), layout="constrained")
-    axes = fig.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
+    axes = fig.subplots(panels, 1, sharex=shared, squeeze=False)[:, 0]
     fig.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     return fig, list(axes)
 

@@ -12,6 +12,11 @@ Tell = Callable[[str, float], None]
 """Takes the stage in words and the share of the whole session that is done."""
 
 
+def within(tell: Tell, stage: str, begin: float, end: float) -> Callable[[float], None]:
+    """Progress of one part of a session, told as the session's between ``begin`` and ``end``."""
+    return lambda share: tell(stage, begin + share * (end - begin))
+
+
 class Procedure(Protocol):
     """One session's work, checked as a whole when it is made: making it raises InputError, and nothing has moved."""
 

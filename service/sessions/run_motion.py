@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from config import Installation
+from config import InputError, Installation
 from config.schema import Mode
 from driver.recording import read_recording
+from service.practice.feedforward import plan_with_feedforward
 from service.sessions.moving import MovingArm, SessionController, plan_motion
 from service.sessions.procedure import Tell
 from service.sessions.store import Kind, Session
@@ -22,6 +24,8 @@ class RunArguments(BaseModel):
     motion: str
     mode: Mode = "csp"
     controller: SessionController = "pd"
+    feedforward: str | None = None
+    """A model file, or the feedforward (CSV) that practice learnt on this motion."""
 
 
 class RunMotion:
@@ -31,7 +35,14 @@ class RunMotion:
 
     def __init__(self, installation: Installation, arguments: RunArguments) -> None:
         self._asked = arguments
-        self._plan = plan_motion(arguments.motion, installation, arguments.mode, arguments.controller)
+        if arguments.feedforward is None:
+            self._plan = plan_motion(arguments.motion, installation, arguments.mode, arguments.controller)
+        else:
+            if arguments.controller != "pd":
+                raise InputError("--feedforward", f"goes with pd, not with {arguments.controller}", "leave one out")
+            self._plan = plan_with_feedforward(
+                arguments.motion, installation, arguments.mode, Path(arguments.feedforward)
+            )
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump()

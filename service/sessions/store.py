@@ -21,7 +21,7 @@ from config import InputError
 from service.answers import finite
 
 SessionState = Literal["running", "done", "stopped", "failed", "interrupted"]
-Kind = Literal["run", "identify-links", "identify-load"]
+Kind = Literal["run", "identify-links", "identify-load", "practise", "compare-controllers"]
 
 
 class SessionRecord(BaseModel):

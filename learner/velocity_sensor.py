@@ -1,0 +1,56 @@
+"""Velocity sensors made consistent with the angles, as the thesis had to (Section 6.4).
+
+A tachometer that reads two percent high would have the feedback pull against itself, and learning chase a motion that
+angles and velocities do not share. Gain and offset come from the replays, whose angles say how far the arm went.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learner.trial import Reference, Trial
+
+Array = NDArray[np.float64]
+SIGNIFICANT = 3.0
+"""Standard errors from which on a gain or offset is believed."""
+
+
+@dataclass(frozen=True)
+class VelocityCalibration:
+    """measured = gain · true + offset; (n,) each, rad/s the offset."""
+
+    gain: Array
+    offset: Array
+
+    def apply(self, trial: Trial) -> Trial:
+        """The trial with velocities as the angles have them."""
+        return replace(trial, dq=(trial.dq - self.offset) / self.gain)
+
+
+def calibrate(replays: Sequence[Trial], reference: Reference) -> VelocityCalibration:
+    """From how far the angles and the summed velocities went, over all replays.
+
+    What cannot be told from 1 and 0 is taken as such. Sums of velocities carry little noise, and no differentiation
+    is needed: q[k] − q[0] = gain⁻¹·∫(dq − offset)dt.
+    """
+    n, h = reference.n, reference.period
+    gain, offset = np.ones(n), np.zeros(n)
+    t = np.arange(reference.samples) * h
+    for joint in range(n):
+        columns, gone = [], []
+        for trial in replays:
+            q = trial.q[:, joint]
+            columns.append(np.column_stack([q - q[0], t, np.ones_like(t)]))
+            dq = trial.dq[:, joint]
+            gone.append(np.concatenate([[0.0], np.cumsum((dq[1:] + dq[:-1]) * h / 2.0)]))
+        found = np.array([np.linalg.lstsq(c, g, rcond=None)[0][:2] for c, g in zip(columns, gone, strict=True)])
+        mean, error = found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(len(found))
+        if np.ptp(reference.q[:, joint]) > 0.0 and abs(mean[0] - 1.0) > SIGNIFICANT * error[0]:
+            gain[joint] = mean[0]
+        if abs(mean[1]) > SIGNIFICANT * error[1]:
+            offset[joint] = mean[1]
+    return VelocityCalibration(gain, offset)

@@ -1,0 +1,113 @@
+"""Commands that practise: `certify`, `practise`, and `compare-controllers`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from service import outcomes
+from service.cli.asking import ModeOption, conduct, motion_reference
+from service.cli.console import publish
+from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_start
+
+MotionArgument = Annotated[str, typer.Argument(metavar="MOTION", help="A motion's name, or its file.")]
+ModelOption = Annotated[
+    Path | None,
+    typer.Option("--model", metavar="FILE", help="Identified model (links.toml). [the arm's URDF]"),
+]
+OperatorOption = Annotated[
+    Literal["thesis", "decoupled", "proportional"],
+    typer.Option("--operator", help="What makes a correction of an error: the full model, one inertia a joint, none."),
+]
+BandOption = Annotated[
+    float | None,
+    typer.Option("--band", metavar="HZ", help="Learn nothing above it. [as far as it converges]", min=0.1),
+]
+
+
+def certify(
+    motion: MotionArgument,
+    arm: ArmOption = None,
+    model: ModelOption = None,
+    operator: OperatorOption = "thesis",
+    mode: ModeOption = "csp",
+    band_hz: BandOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Would practising this motion help? Looks at the model alone; nothing moves."""
+    from config import load_installation
+    from service.practice.answers import certificate_answer, certificate_report
+    from service.practice.course import PracticeArguments, course
+
+    asked = PracticeArguments(
+        motion=motion, model=None if model is None else str(model), operator=operator, mode=mode, band_hz=band_hz
+    )
+    found = course(asked, load_installation(arm_to_start(arm)))
+    answer = certificate_answer(found)
+    publish(answer, json, *certificate_report(answer))
+    if not found.certificate.admitted:
+        raise typer.Exit(outcomes.ANSWER_IS_NO)
+
+
+def practise(
+    motion: MotionArgument,
+    trials: Annotated[int, typer.Option("--trials", help="Most practice movements.", min=1, max=100)] = 10,
+    replays: Annotated[
+        int,
+        typer.Option("--replays", help="Plays of the model's feedforward that measure repeatability.", min=5, max=50),
+    ] = 5,
+    arm: ArmOption = None,
+    model: ModelOption = None,
+    operator: OperatorOption = "thesis",
+    mode: ModeOption = "csp",
+    band_hz: BandOption = None,
+    hand_picked_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--hand-picked", metavar="HZ", help="Gain one below this frequency, as in the thesis (8); no trial filter."
+        ),
+    ] = None,
+    resume: Annotated[
+        str | None, typer.Option("--resume", metavar="SESSION", help="Carry on a session that ended early.")
+    ] = None,
+    attached: AttachedOption = False,
+    json: JsonOption = None,
+) -> None:
+    """Practise a motion until it is as good as the arm repeats itself."""
+    from service.practice.answers import practice_report
+
+    asked = {
+        "motion": motion_reference(motion),
+        "trials": trials,
+        "replays": replays,
+        "model": None if model is None else str(model.absolute()),
+        "operator": operator,
+        "mode": mode,
+        "band_hz": band_hz,
+        "hand_picked_hz": hand_picked_hz,
+        "resume": resume,
+        "attached": attached,
+    }
+    answer = conduct(arm, "practise", asked)
+    publish(answer, json, *practice_report(answer))
+
+
+def compare_controllers(
+    motion: MotionArgument,
+    arm: ArmOption = None,
+    model: ModelOption = None,
+    attached: AttachedOption = False,
+    json: JsonOption = None,
+) -> None:
+    """Play a motion under every controller of Appendix A and compare the tracking errors."""
+    asked = {
+        "motion": motion_reference(motion),
+        "model": None if model is None else str(model.absolute()),
+        "attached": attached,
+    }
+    answer = conduct(arm, "compare_controllers", asked)
+    from service.reports.controller_plot import controller_report
+
+    publish(answer, json, *controller_report(answer))

@@ -1,0 +1,154 @@
+"""A session that practises one motion: replays for repeatability, then trial after trial (Section 6.3)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config import InputError, Installation
+from config.paths import state_directory
+from driver.plan import Plan
+from driver.recording import Recording, read_recording
+from learner.practice import Practice
+from learner.trial import Trial
+from learner.velocity_sensor import VelocityCalibration, calibrate
+from service.practice.answers import practice_answer, ratio_text
+from service.practice.course import Course, PracticeArguments, course
+from service.practice.record import Play, PlayKind, PracticeRecord, read_record, write_feedforward
+from service.practice.trials import Latency, servo_latency, trial_of
+from service.reports.practice_plot import plot_practice
+from service.sessions.moving import MovingArm
+from service.sessions.procedure import Tell, within
+from service.sessions.store import Kind, Session, SessionStore
+
+Array = NDArray[np.float64]
+WORSE = 1.2
+"""Times the first trial's error: more is not practice any more."""
+CHANGED_IN_A_ROW = 2
+NEAR_IN_A_ROW = 2
+
+
+class Practise:
+    """Model, limits and certificate are settled before the first replay moves; a refused operator moves nothing."""
+
+    kind: Kind = "practise"
+
+    def __init__(self, installation: Installation, arguments: PracticeArguments) -> None:
+        self._installation = installation
+        self._record = PracticeRecord()
+        self._asked = arguments
+        if arguments.resume is not None:
+            self._take_up(arguments)
+        self._course: Course = course(self._asked, installation)
+        self._task = self._course.task()
+        self._plan(self._task.timing.command(self._task.base), "first")
+        self._delay = self._course.practised.command_delay
+
+    def arguments(self) -> dict[str, Any]:
+        return self._asked.model_dump(mode="json")
+
+    async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
+        plays = self._asked.replays + self._asked.trials
+        tell("enabling the drives", 0.0)
+        await moving.enable(self._asked.mode)
+        base = self._task.timing.command(self._task.base)
+        while (done := len(self._record.of("replay"))) < self._asked.replays:
+            part = within(tell, f"replay {done + 1} of {self._asked.replays}", done / plays, (done + 1) / plays)
+            await self._play(moving, session, "replay", base, part)
+        tell("measuring repeatability", self._asked.replays / plays)
+        practice, calibration, latency = await asyncio.to_thread(self._begin)
+        names = self._installation.joint_names
+        # Trials of a session taken up again are learnt from, not played.
+        for path in self._record.of("trial"):
+            practice.take(await asyncio.to_thread(self._trial, path, calibration), names)
+        stopped = _reason_to_stop(practice)
+        while stopped is None and len(practice.lessons) <= self._asked.trials:
+            k = len(practice.lessons)
+            stage = f"trial {k} of {self._asked.trials} (last: {ratio_text(practice)})"
+            begin = (self._asked.replays + k - 1) / plays
+            part = within(tell, stage, begin, begin + 1 / plays)
+            path = await self._play(moving, session, "trial", practice.command, part)
+            trial = await asyncio.to_thread(self._trial, path, calibration)
+            await asyncio.to_thread(practice.take, trial, names)
+            stopped = _reason_to_stop(practice)
+        await moving.disable()
+        learnt = session.directory / "feedforward.csv"
+        write_feedforward(learnt, practice.command, self._task.reference.period, names)
+        plot = session.directory / "practice.png"
+        await asyncio.to_thread(
+            plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
+        )
+        answer = practice_answer(self._course, practice, names, stopped or "all trials were played", latency)
+        return {
+            "session": session.id,
+            **answer,
+            "resumed": self._asked.resume,
+            "recordings": [play.recording for play in self._record.plays],
+            "feedforward": str(learnt),
+            "plot": str(plot),
+        }
+
+    def _take_up(self, arguments: PracticeArguments) -> None:
+        """Continue an earlier session: its arguments, but for what was asked anew, and its recordings."""
+        assert arguments.resume is not None
+        earlier = SessionStore(state_directory(), self._installation.arm.name).open(arguments.resume)
+        if earlier.record.kind != "practise":
+            raise InputError(f"session {earlier.id}", f"is a {earlier.record.kind} session", "name one that practised")
+        was = PracticeArguments.model_validate(earlier.record.arguments)
+        if arguments.motion != was.motion:
+            raise InputError(
+                f"session {earlier.id}", f"practised {was.motion}, not {arguments.motion}", "name the same motion"
+            )
+        self._asked = was.model_copy(update={"resume": earlier.id, "trials": arguments.trials})
+        self._record = read_record(earlier.directory)
+
+    def _plan(self, command: Array, name: str) -> Plan:
+        return self._course.practised.plan(command, f"{self._course.practised.name}-{name}")
+
+    async def _play(
+        self, moving: MovingArm, session: Session, kind: PlayKind, command: Array, tell: Callable[[float], None]
+    ) -> Path:
+        """Play the feedforward once, from the motion's start, and enter it in the record when it came to its end."""
+        number = len(self._record.of(kind)) + 1
+        name = f"{kind}-{number:02d}"
+        plan = self._plan(command, name)
+        await moving.go_to(plan.q[0], plan.mode, lambda share: tell(0.5 * share))
+        feedforward = session.directory / f"{name}.csv"
+        write_feedforward(feedforward, command, self._task.reference.period, self._installation.joint_names)
+        metadata = {"motion": self._course.practised.name, "mode": plan.mode, "practice": name}
+        path = await moving.play_recorded(plan, session, metadata, lambda share: tell(0.5 + 0.5 * share))
+        play = Play(kind=kind, recording=str(path), feedforward=str(feedforward))
+        self._record.add(play, session.directory)
+        return path
+
+    def _begin(self) -> tuple[Practice, VelocityCalibration, Latency]:
+        reference, loop = self._task.reference, self._task.loop
+        recordings = [read_recording(path) for path in self._record.of("replay")]
+        latency = servo_latency(recordings[:1], loop, reference, self._asked.mode)
+        raw = [self._raw(recording) for recording in recordings]
+        calibration = calibrate(raw, reference)
+        practice = Practice(self._task, [calibration.apply(t) for t in raw], self._asked.hand_picked_hz)
+        return practice, calibration, latency
+
+    def _trial(self, path: Path, calibration: VelocityCalibration) -> Trial:
+        return calibration.apply(self._raw(read_recording(path)))
+
+    def _raw(self, recording: Recording) -> Trial:
+        return trial_of(recording, self._task.reference, self._delay, str(recording.path))
+
+
+def _reason_to_stop(practice: Practice) -> str | None:
+    """Why no further trial is worth playing; None while one is."""
+    first, last = practice.lessons[0], practice.lessons[-1]
+    if practice.near_in_a_row >= NEAR_IN_A_ROW:
+        return f"the error of {NEAR_IN_A_ROW} trials in a row cannot be told from repeatability"
+    if practice.changed_in_a_row >= CHANGED_IN_A_ROW:
+        return "the arm has changed: " + "; ".join(last.findings)
+    if last.learnt and bool((last.velocity_error_rms > WORSE * first.velocity_error_rms).any()):
+        return "the last trial was worse than the first"
+    return None
