@@ -1,0 +1,98 @@
+"""Local models (Section 7.1): what practice learnt of one motion, carried over to motions near it.
+
+The named effects come first, in the model. What is left of the correction is interpolated by locally weighted
+regression in the space of the joint's own angle, velocity and acceleration and, more loosely, of the others'. The
+trust gate goes over to the model alone where no trial has been: there a regression would only make something up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from config import InputError
+
+Array = NDArray[np.float64]
+OWN_ANGLE, OWN_SPEED = 0.02, 0.08
+"""Kernel widths of the joint's own angle and velocity, as shares of their ranges in the trials."""
+OTHERS = 0.15
+"""Widths of the other joints' angles, velocities, and of all accelerations, as shares of their ranges."""
+NEIGHBOURS = 60
+FULL_TRUST, NO_TRUST = 1.0, 3.0
+"""Distances, in widths, to the nearest samples: within the first the regression counts fully, beyond the second not."""
+RIDGE = 0.1
+"""Of the slopes, in widths: a plane through neighbours on one line is tilted by the line alone."""
+
+
+@dataclass(frozen=True)
+class States:
+    """Where an arm is and how it moves: (samples, n) rad, rad/s, rad/s²."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+class LocalModel:
+    """``correction`` (samples × n, N·m): what practice added to the model's torque at ``states``.
+
+    Raises InputError when the arrays do not belong together.
+    """
+
+    def __init__(self, states: States, correction: Array) -> None:
+        if correction.shape != states.q.shape:
+            raise InputError(
+                "local model",
+                f"correction has shape {correction.shape}, the motion {states.q.shape}",
+                "give one motion",
+            )
+        self._correction = correction
+        self._widths = [_widths(states, joint) for joint in range(states.q.shape[1])]
+        self._points = [_features(states, joint) / width for joint, width in enumerate(self._widths)]
+        self._trees = [cKDTree(points) for points in self._points]
+
+    def correction_at(self, states: States) -> tuple[Array, Array]:
+        """(correction in N·m, already weighted by trust; trust from 0 to 1) at other states, (samples, n) each."""
+        found, trust = np.zeros_like(states.q), np.zeros_like(states.q)
+        for joint, (width, points, tree) in enumerate(zip(self._widths, self._points, self._trees, strict=True)):
+            asked = _features(states, joint) / width
+            count = min(NEIGHBOURS, len(points))
+            distances, nearest = tree.query(asked, k=count)
+            distance = np.asarray(distances, dtype=float).reshape(len(asked), count)
+            near = np.asarray(nearest).reshape(len(asked), count)
+            weight = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2))
+            values = _planes(points[near] - asked[:, None, :], self._correction[near, joint], weight)
+            # A plane may extrapolate; what the neighbours themselves needed bounds it.
+            span = self._correction[near, joint]
+            trust[:, joint] = np.clip((NO_TRUST - distance[:, 0]) / (NO_TRUST - FULL_TRUST), 0.0, 1.0)
+            found[:, joint] = trust[:, joint] * np.clip(values, span.min(axis=1), span.max(axis=1))
+        return found, trust
+
+
+def _features(states: States, joint: int) -> Array:
+    others = [k for k in range(states.q.shape[1]) if k != joint]
+    own = [states.q[:, joint], states.dq[:, joint]]
+    return np.column_stack([*own, states.q[:, others], states.dq[:, others], states.ddq])
+
+
+def _widths(states: States, joint: int) -> Array:
+    span = np.maximum(np.ptp(_features(states, joint), axis=0), 1e-9)
+    share = np.full(len(span), OTHERS)
+    share[0], share[1] = OWN_ANGLE, OWN_SPEED
+    return np.asarray(span * share)
+
+
+def _planes(offsets: Array, values: Array, weight: Array) -> Array:
+    """Weighted ridge planes through neighbours; their values at the origin, one each query."""
+    queries, count, dimensions = offsets.shape
+    columns = np.concatenate([np.ones((queries, count, 1)), offsets], axis=2)
+    weighted = columns * weight[:, :, None]
+    normal = np.einsum("qki,qkj->qij", weighted, columns)
+    penalty = np.full(dimensions + 1, RIDGE) * weight.sum(axis=1, keepdims=True)
+    penalty[:, 0] = 1e-9
+    normal[:, np.arange(dimensions + 1), np.arange(dimensions + 1)] += penalty
+    right = np.einsum("qki,qk->qi", weighted, values)
+    return np.asarray(np.linalg.solve(normal, right[:, :, None])[:, 0, 0])
