@@ -15,15 +15,18 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Timing:
     """When a sample of torque acts. Torque sample k of a `Trial` acts, on the mean, at k − ½ samples where a torque is
-    held from one sample to the next (``held``), else at k; feedforward sample j is torque sample j + ``advance``.
+    held from one sample to the next (``held``), else at k. What is sent at sample j is torque sample j + ``advance``,
+    one number for all joints or (n,): a motor's own lag is part of it.
     """
 
     held: bool
-    advance: int
+    advance: float | Array
 
     def command(self, torque: Array) -> Array:
         """What to send, so that ``torque`` (samples × n, in time with a trial's torque) acts; the end is held."""
-        return np.asarray(torque[np.minimum(np.arange(len(torque)) + self.advance, len(torque) - 1)])
+        at = np.arange(len(torque), dtype=float)
+        ahead = np.broadcast_to(self.advance, torque.shape[1])
+        return np.column_stack([np.interp(at + a, at, column) for a, column in zip(ahead, torque.T, strict=True)])
 
 
 @dataclass(frozen=True)

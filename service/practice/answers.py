@@ -11,7 +11,7 @@ from rich.table import Table
 
 from learner.practice import Practice
 from service.practice.course import Course
-from service.practice.trials import Latency
+from service.practice.trials import ActuationLag
 
 Array = NDArray[np.float64]
 SHOWN_GAINS = 12
@@ -47,7 +47,7 @@ def certificate_report(answer: dict[str, Any]) -> list[RenderableType]:
 
 
 def practice_answer(
-    found: Course, practice: Practice, names: tuple[str, ...], stopped_because: str, latency: Latency
+    found: Course, practice: Practice, names: tuple[str, ...], stopped_because: str, lag: ActuationLag
 ) -> dict[str, Any]:
     """The answer of `etude practise`; the first of ``trials`` is the model's feedforward, over all replays."""
 
@@ -63,7 +63,8 @@ def practice_answer(
         "replays": practice.repeatability.replays,
         "repeatability": by_joint(practice.repeatability.velocity),
         "indistinguishable_below": by_joint(practice.repeatability.bound),
-        "latency": {"cycles": latency.cycles, "torque_residual": latency.residual},
+        "actuation_lag_cycles": by_joint(lag.cycles),
+        "unexplained_torque_rms": by_joint(lag.residual),
         "trials": [
             {
                 "velocity_error_rms": by_joint(lesson.velocity_error_rms),

@@ -75,11 +75,11 @@ def practised_motion(name: str, installation: Installation, mode: Mode) -> Pract
         np.array([g.stiffness_nm_rad for g in gains]),
         np.array([g.damping_nms_rad for g in gains]),
         1.0 / rate,
-        # The drive's servo is faster than the loop; the loop's own controller acts from the next SYNC on.
-        1 if mode == "csp" else 2,
+        # A servo's demand acts from its next tick on: in the drive, or after the next SYNC.
+        2 if mode == "csp" else 3,
     )
-    # CSP interpolates the torque offset like the position; in CST a torque is held for a cycle.
-    timing = Timing(held=False, advance=0) if mode == "csp" else Timing(held=True, advance=2)
+    # What the drive adds to it is identified from the replays.
+    timing = Timing(held=True, advance=0.0 if mode == "csp" else 2.0)
     limits = [joint.limits for joint in installation.joint]
     return Practised(
         motion.name,

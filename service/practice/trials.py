@@ -11,23 +11,30 @@ from numpy.typing import NDArray
 from config import InputError
 from config.schema import Mode
 from driver.recording import Recording
+from learner.cosine_spectrum import frequencies, low_pass, to_lines
 from learner.feedback_loop import FeedbackLoop
 from learner.trial import Reference, Trial
+from service.practice.planning import command_delay
 
 Array = NDArray[np.float64]
 SAME_RAD = 1e-6
 LOOKED_AT = 64
 """Samples of the motion by which it is found in a recording."""
-LONGEST_LATENCY = 6.0
+LONGEST_LAG, LAG_STEP = 8.0, 0.125
 """Cycles."""
+LAG_BAND_HZ = 30.0
+"""Above it the velocity's noise, which every tick of the servo sees anew, hides what was demanded."""
 
 
 @dataclass(frozen=True)
-class Latency:
-    """Cycles from a command to its effect, identified; ``residual``: N·m RMS of what the servo's law leaves."""
+class ActuationLag:
+    """Cycles from the drive's demand to the torque it measures, (n,); ``residual``: (n,) N·m RMS that stay unexplained.
 
-    cycles: float
-    residual: float
+    By it feedforward has to be sent ahead, and above about a sixth of its inverse what is not known of it spoils.
+    """
+
+    cycles: Array
+    residual: Array
 
 
 def begin_of(recording: Recording, reference: Reference, name: str) -> int:
@@ -63,39 +70,38 @@ def trial_of(recording: Recording, reference: Reference, delay: int, name: str) 
     return trial
 
 
-def servo_latency(recordings: Sequence[Recording], loop: FeedbackLoop, reference: Reference, mode: Mode) -> Latency:
-    """By what shift the measured torque is explained by what was commanded.
+def actuation_lag(
+    recordings: Sequence[Recording], loop: FeedbackLoop, reference: Reference, mode: Mode
+) -> ActuationLag:
+    """By what shift the measured torque is explained by what was demanded, below `LAG_BAND_HZ`.
 
-    CSP: the servo's law with its configured gains, on references that many cycles old; CST: the commanded torque.
-    A fraction of a cycle is found by interpolation.
+    CSP: by the torque offset and the servo's law with its configured gains; CST: by the commanded torque.
     """
-    best = Latency(np.nan, np.inf)
-    for shift in np.arange(0.0, LONGEST_LATENCY, 0.05):
-        squares, count = 0.0, 0
-        for recording in recordings:
-            start = begin_of(recording, reference, str(recording.path))
-            rows = np.arange(start + int(LONGEST_LATENCY) + 1, start + reference.samples)
-            off = _unexplained(recording, rows, shift, loop, mode)
-            off = off[np.isfinite(off).all(axis=1)] / loop.damping
-            squares, count = squares + float(np.sum(off**2)), count + off.size
-        residual = float(np.sqrt(squares / max(1, count)))
-        if residual < best.residual:
-            best = Latency(float(shift), residual)
-    return best
+    shifts = np.arange(0.0, LONGEST_LAG, LAG_STEP)
+    found = low_pass(frequencies(reference.samples, reference.period), LAG_BAND_HZ)[:, None]
+    power = np.zeros((len(shifts), reference.n))
+    for recording in recordings:
+        start = begin_of(recording, reference, str(recording.path)) + command_delay(mode)
+        rows = np.arange(start, start + reference.samples)
+        for k, shift in enumerate(shifts):
+            lines = found * to_lines(_unexplained(recording, rows, float(shift), loop, mode))
+            power[k] += np.mean(lines**2, axis=0) / len(recordings)
+    best = np.argmin(power, axis=0)
+    return ActuationLag(shifts[best], np.sqrt(power[best, np.arange(reference.n)]))
 
 
 def _unexplained(recording: Recording, rows: NDArray[np.intp], shift: float, loop: FeedbackLoop, mode: Mode) -> Array:
     whole, part = int(shift), shift % 1.0
 
-    def earlier(channel: Array | None) -> Array:
+    def earlier(channel: Array | None, delay: int = 0) -> Array:
         assert channel is not None
-        return (1.0 - part) * channel[rows - whole] + part * channel[rows - whole - 1]
+        at = rows - whole - delay
+        return (1.0 - part) * channel[at] + part * channel[at - 1]
 
     assert recording.tau is not None
-    assert recording.dq is not None
-    tau = recording.tau[rows]
-    if mode == "cst":
-        return np.asarray(tau - earlier(recording.tau_command))
-    feedback = loop.stiffness * (earlier(recording.q_d) - recording.q[rows])
-    feedback += loop.damping * (earlier(recording.dq_d) - recording.dq[rows])
-    return np.asarray(tau - earlier(recording.tau_command) - feedback)
+    delay = command_delay(mode)
+    off = recording.tau[rows] - earlier(recording.tau_command, delay)
+    if mode == "csp":
+        off -= loop.stiffness * (earlier(recording.q_d, delay) - earlier(recording.q))
+        off -= loop.damping * (earlier(recording.dq_d, delay) - earlier(recording.dq))
+    return np.asarray(off)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,12 @@ from config.paths import state_directory
 from driver.plan import Plan
 from driver.recording import Recording, read_recording
 from learner.practice import Practice
-from learner.trial import Trial
+from learner.trial import Timing, Trial
 from learner.velocity_sensor import VelocityCalibration, calibrate
 from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
 from service.practice.record import Play, PlayKind, PracticeRecord, read_record, write_feedforward
-from service.practice.trials import Latency, servo_latency, trial_of
+from service.practice.trials import ActuationLag, actuation_lag, trial_of
 from service.reports.practice_plot import plot_practice
 from service.sessions.moving import MovingArm
 from service.sessions.procedure import Tell, within
@@ -61,7 +62,7 @@ class Practise:
             part = within(tell, f"replay {done + 1} of {self._asked.replays}", done / plays, (done + 1) / plays)
             await self._play(moving, session, "replay", base, part)
         tell("measuring repeatability", self._asked.replays / plays)
-        practice, calibration, latency = await asyncio.to_thread(self._begin)
+        practice, calibration, lag = await asyncio.to_thread(self._begin)
         names = self._installation.joint_names
         # Trials of a session taken up again are learnt from, not played.
         for path in self._record.of("trial"):
@@ -83,7 +84,7 @@ class Practise:
         await asyncio.to_thread(
             plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
         )
-        answer = practice_answer(self._course, practice, names, stopped or "all trials were played", latency)
+        answer = practice_answer(self._course, practice, names, stopped or "all trials were played", lag)
         return {
             "session": session.id,
             **answer,
@@ -126,14 +127,17 @@ class Practise:
         self._record.add(play, session.directory)
         return path
 
-    def _begin(self) -> tuple[Practice, VelocityCalibration, Latency]:
+    def _begin(self) -> tuple[Practice, VelocityCalibration, ActuationLag]:
         reference, loop = self._task.reference, self._task.loop
         recordings = [read_recording(path) for path in self._record.of("replay")]
-        latency = servo_latency(recordings[:1], loop, reference, self._asked.mode)
+        lag = actuation_lag(recordings, loop, reference, self._asked.mode)
+        timing = Timing(self._task.timing.held, lag.cycles)
+        # The shift of the replays' own feedforward is part of what they lacked.
+        self._task = replace(self._task, timing=timing)
         raw = [self._raw(recording) for recording in recordings]
         calibration = calibrate(raw, reference)
         practice = Practice(self._task, [calibration.apply(t) for t in raw], self._asked.hand_picked_hz)
-        return practice, calibration, latency
+        return practice, calibration, lag
 
     def _trial(self, path: Path, calibration: VelocityCalibration) -> Trial:
         return calibration.apply(self._raw(read_recording(path)))

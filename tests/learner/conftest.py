@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -15,7 +16,9 @@ from learner.trial import Reference, Timing, Trial
 
 Array = NDArray[np.float64]
 SHAPE = Polynomial([0, 0, 0, 0, 35, -84, 70, -20])
-SUBSTEPS = 4
+SUBSTEPS = 2
+State = tuple[float, float, float, float]
+"""q1, q2, dq1, dq2."""
 
 
 class PlanarModel:
@@ -33,7 +36,7 @@ class PlanarArm:
     """Plays feedforward on the arm with its servo, torques held over a sample. Friction and noise are hidden."""
 
     loop: FeedbackLoop
-    coulomb: Array = field(default_factory=lambda: np.zeros(2))
+    coulomb: tuple[float, float] = (0.0, 0.0)
     ripple: float = 0.0
     """Share of the torque, 30 periods a turn."""
     tip_mass: float = 0.0
@@ -45,38 +48,47 @@ class PlanarArm:
 
     def play(self, reference: Reference, feedforward: Array) -> Trial:
         """Sample j of the feedforward acts between samples j and j + 1."""
-        h, k, d = self.loop.period, self.loop.stiffness, self.loop.damping
-        q, dq = reference.q[0].copy(), np.zeros(2)
-        angles, speeds, torques = [q], [dq], [np.zeros(2)]
+        h, k, d = self.loop.period / SUBSTEPS, self.loop.stiffness, self.loop.damping
+        noise = self.rng.standard_normal((3, reference.samples, 2))
+        seen_noise, push_noise = self.velocity_noise * noise[:2], self.torque_noise * noise[2]
+        state = (*reference.q[0].tolist(), 0.0, 0.0)
+        states, torques = [state], [np.zeros(2)]
         for j in range(reference.samples - 1):
-            seen = dq + self.velocity_noise * self.rng.standard_normal(2)
-            command = feedforward[j] + k * (reference.q[j] - q) + d * (reference.dq[j] - seen)
-            push = command + self.torque_noise * self.rng.standard_normal(2)
+            q, dq = np.array(state[:2]), np.array(state[2:])
+            command = feedforward[j] + k * (reference.q[j] - q) + d * (reference.dq[j] - dq - seen_noise[0, j])
+            push = (command + push_noise[j]).tolist()
             for _ in range(SUBSTEPS):
-                q, dq = self._step(q, dq, push, h / SUBSTEPS)
-            angles.append(q)
-            speeds.append(dq + self.velocity_noise * self.rng.standard_normal(2))
+                state = self._step(state, push, h)
+            states.append(state)
             torques.append(command)
-        return Trial(np.array(angles), np.array(speeds), np.array(torques))
+        history = np.array(states)
+        return Trial(history[:, :2], history[:, 2:] + seen_noise[1], np.array(torques))
 
-    def _step(self, q: Array, dq: Array, tau: Array, h: float) -> tuple[Array, Array]:
-        k1 = self._ddq(q, dq, tau)
-        k2 = self._ddq(q + h / 2 * dq, dq + h / 2 * k1, tau)
-        k3 = self._ddq(q + h / 2 * dq + h * h / 4 * k1, dq + h / 2 * k2, tau)
-        k4 = self._ddq(q + h * dq + h * h / 2 * k2, dq + h * k3, tau)
-        return q + h * dq + h * h / 6 * (k1 + k2 + k3), dq + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    def _step(self, x: State, tau: list[float], h: float) -> State:
+        k1 = self._flow(x, tau)
+        k2 = self._flow(_ahead(x, k1, h / 2), tau)
+        k3 = self._flow(_ahead(x, k2, h / 2), tau)
+        k4 = self._flow(_ahead(x, k3, h), tau)
+        a, b, c, d = (h / 6 * (p + 2 * q + 2 * r + s) for p, q, r, s in zip(k1, k2, k3, k4, strict=True))
+        return x[0] + a, x[1] + b, x[2] + c, x[3] + d
 
-    def _ddq(self, q: Array, dq: Array, tau: Array) -> Array:
-        c, s, m = np.cos(q[1]), np.sin(q[1]), self.tip_mass
+    def _flow(self, x: State, tau: list[float]) -> State:
+        q1, q2, v1, v2 = x
+        c, m = math.cos(q2), self.tip_mass
         first = 5 / 3 + c + m * (2 + 2 * c)
         off = 1 / 3 + 0.5 * c + m * (1 + c)
         second = 1 / 3 + m
-        swing = (0.5 + m) * s
-        tau = tau * (1 + self.ripple * np.sin(30 * q)) - self.coulomb * np.tanh(dq / 0.05)
-        a = tau[0] + swing * (2 * dq[0] + dq[1]) * dq[1]
-        b = tau[1] - swing * dq[0] ** 2
+        swing = (0.5 + m) * math.sin(q2)
+        one = tau[0] * (1 + self.ripple * math.sin(30 * q1)) - self.coulomb[0] * math.tanh(v1 / 0.05)
+        two = tau[1] * (1 + self.ripple * math.sin(30 * q2)) - self.coulomb[1] * math.tanh(v2 / 0.05)
+        a = one + swing * (2 * v1 + v2) * v2
+        b = two - swing * v1**2
         det = first * second - off * off
-        return np.array([second * a - off * b, first * b - off * a]) / det
+        return v1, v2, (second * a - off * b) / det, (first * b - off * a) / det
+
+
+def _ahead(x: State, flow: State, h: float) -> State:
+    return x[0] + h * flow[0], x[1] + h * flow[1], x[2] + h * flow[2], x[3] + h * flow[3]
 
 
 def planar_motion(start_deg: Array, end_deg: Array, duration: float, period: float, rest: int = 0) -> Reference:
