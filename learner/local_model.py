@@ -16,11 +16,13 @@ from scipy.spatial import cKDTree
 from config import InputError
 
 Array = NDArray[np.float64]
-OWN_ANGLE, OWN_SPEED = 0.02, 0.08
-"""Kernel widths of the joint's own angle and velocity, as shares of their ranges in the trials."""
-OTHERS = 0.15
-"""Widths of the other joints' angles, velocities, and of all accelerations, as shares of their ranges."""
-NEIGHBOURS = 60
+OWN_ANGLE, OWN_SPEED, OTHERS = 0.02, 0.5, 1.0
+"""Kernel widths as shares of the ranges in the trials: the joint's own angle (ripple and cogging live there), its own
+velocity; the other joints' angles and velocities, and all accelerations."""
+DIRECTION, SLOW = 0.5, 0.02
+"""Width of the joint's direction, from −1 to 1, and the share of its top speed below which it counts as undecided: what
+friction taught one way is nothing to go by the other way."""
+NEIGHBOURS = 20
 FULL_TRUST, NO_TRUST = 1.0, 3.0
 """Distances, in widths, to the nearest samples: within the first the regression counts fully, beyond the second not."""
 RIDGE = 0.1
@@ -50,15 +52,17 @@ class LocalModel:
                 "give one motion",
             )
         self._correction = correction
-        self._widths = [_widths(states, joint) for joint in range(states.q.shape[1])]
-        self._points = [_features(states, joint) / width for joint, width in enumerate(self._widths)]
+        joints = range(states.q.shape[1])
+        self._slow = np.maximum(SLOW * np.abs(states.dq).max(axis=0), 1e-9)
+        self._widths = [_widths(states, joint, self._slow[joint]) for joint in joints]
+        self._points = [_features(states, joint, self._slow[joint]) / self._widths[joint] for joint in joints]
         self._trees = [cKDTree(points) for points in self._points]
 
     def correction_at(self, states: States) -> tuple[Array, Array]:
         """(correction in N·m, already weighted by trust; trust from 0 to 1) at other states, (samples, n) each."""
         found, trust = np.zeros_like(states.q), np.zeros_like(states.q)
         for joint, (width, points, tree) in enumerate(zip(self._widths, self._points, self._trees, strict=True)):
-            asked = _features(states, joint) / width
+            asked = _features(states, joint, self._slow[joint]) / width
             count = min(NEIGHBOURS, len(points))
             distances, nearest = tree.query(asked, k=count)
             distance = np.asarray(distances, dtype=float).reshape(len(asked), count)
@@ -72,17 +76,19 @@ class LocalModel:
         return found, trust
 
 
-def _features(states: States, joint: int) -> Array:
+def _features(states: States, joint: int, slow: float) -> Array:
     others = [k for k in range(states.q.shape[1]) if k != joint]
-    own = [states.q[:, joint], states.dq[:, joint]]
+    own = [states.q[:, joint], states.dq[:, joint], np.tanh(states.dq[:, joint] / slow)]
     return np.column_stack([*own, states.q[:, others], states.dq[:, others], states.ddq])
 
 
-def _widths(states: States, joint: int) -> Array:
-    span = np.maximum(np.ptp(_features(states, joint), axis=0), 1e-9)
+def _widths(states: States, joint: int, slow: float) -> Array:
+    span = np.maximum(np.ptp(_features(states, joint, slow), axis=0), 1e-9)
     share = np.full(len(span), OTHERS)
-    share[0], share[1] = OWN_ANGLE, OWN_SPEED
-    return np.asarray(span * share)
+    share[:2] = OWN_ANGLE, OWN_SPEED
+    widths = span * share
+    widths[2] = DIRECTION
+    return np.asarray(widths)
 
 
 def _planes(offsets: Array, values: Array, weight: Array) -> Array:

@@ -75,10 +75,34 @@ def test_practice_reaches_repeatability_and_carries_over(
     carried_over(arm, planar_model, practice, motion)
 
 
+class NamedEffects:
+    """The rigid bodies with friction and ripple, each fitted to what practice added: effects first (Section 7.1)."""
+
+    def __init__(self, model: Any, reference: Reference, correction: Array) -> None:
+        self._model = model
+        rigid = model.torque(reference.q, reference.dq, reference.ddq)
+        self._values = [
+            np.linalg.lstsq(self._columns(reference.q[:, k], reference.dq[:, k], rigid[:, k]), column, rcond=None)[0]
+            for k, column in enumerate(correction.T)
+        ]
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        rigid = self._model.torque(q, dq, ddq)
+        added = [self._columns(q[:, k], dq[:, k], rigid[:, k]) @ value for k, value in enumerate(self._values)]
+        return np.asarray(rigid + np.column_stack(added))
+
+    @staticmethod
+    def _columns(q: Array, dq: Array, tau: Array) -> Array:
+        return np.column_stack([np.tanh(dq / 0.05), tau * np.sin(30 * q), tau * np.cos(30 * q)])
+
+
 def carried_over(arm: Any, model: Any, practice: Practice, motion: Any) -> None:
     """Section 7.1: nearby motions begin near repeatability, far ones no worse than by the model alone."""
     r = practice.task.reference
-    local = LocalModel(States(r.q, r.dq, r.ddq), practice.torque - practice.task.base)
+    part = Reference(r.q[r.moving], r.dq[r.moving], r.ddq[r.moving], PERIOD, slice(0, r.samples))
+    named = NamedEffects(model, part, (practice.torque - practice.task.base)[r.moving])
+    rest = (practice.torque - task_of(arm, named, r).base)[r.moving]
+    local = LocalModel(States(part.q, part.dq, part.ddq), rest)
     moved = np.rad2deg(0.1)
     near = [
         motion((moved, 90.0 - moved), (90.0 + moved, 17.0 - moved), DURATION, PERIOD, 40),
@@ -86,20 +110,20 @@ def carried_over(arm: Any, model: Any, practice: Practice, motion: Any) -> None:
         motion(START, END, 1.2 * DURATION, PERIOD, 40),
     ]
     far = [motion(END, START, DURATION, PERIOD, 40), motion((-60.0, -20.0), (10.0, -90.0), DURATION, PERIOD, 40)]
-    for is_far, reference in [(False, r) for r in near] + [(True, r) for r in far]:
-        task = task_of(arm, model, reference)
+    for is_far, reference in [(False, x) for x in near] + [(True, x) for x in far]:
+        base = task_of(arm, named, reference).base
         correction, trust = local.correction_at(States(reference.q, reference.dq, reference.ddq))
         alone, helped = (
             np.mean(
-                [arm.play(reference, task.timing.command(u)).velocity_error_rms(reference) for _ in range(2)], axis=0
+                [arm.play(reference, arm.timing.command(u)).velocity_error_rms(reference) for _ in range(3)], axis=0
             )
-            for u in (task.base, task.base + correction)
+            for u in (base, base + correction)
         )
+        assert (helped < 1.05 * alone).all()
         if is_far:
-            assert (helped < 1.05 * alone).all()
-            assert trust[reference.moving].mean() < 0.2
+            assert trust[reference.moving].mean() < 0.4
         else:
-            assert (helped < 0.6 * alone).all()
+            assert (helped < 1.2 * practice.repeatability.velocity).all()
 
 
 def test_a_changed_load_is_noticed_and_not_learnt(arm: Any, planar_model: Any, reference: Reference) -> None:
