@@ -19,11 +19,11 @@ from learner.operators import LearningOperator
 from learner.trial import Reference
 
 Array = NDArray[np.float64]
-LINES = 64
+LINES = 48
 """Frequencies at which the gain is told, in equal ratios."""
-INSTANTS = 24
+INSTANTS = 16
 """Instants of the motion at which the arm is linearised."""
-INTERVAL_COLUMNS = 450
+INTERVAL_COLUMNS = 350
 """Size of the finite-interval matrix: samples × joints after thinning."""
 MOTION_ENERGY = 0.999
 """Share of the wanted acceleration's energy that lies below the motion's band."""

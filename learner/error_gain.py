@@ -38,11 +38,11 @@ def error_gain(
     """
     tolerance = tolerance or Tolerance()
     worst = np.zeros((len(frequencies), len(arm.inertia)))
-    for share in sorted({0.0, tolerance.inertia, -tolerance.inertia}):
+    late = operator * np.exp(-2j * np.pi * frequencies * tolerance.delay_s)[:, None, None, None]
+    # The corners of what is tolerated: within, every arm does better than at one of them.
+    for share in {tolerance.inertia, -tolerance.inertia}:
         plant = _plant(arm.heavier(share), loop.period, frequencies)
-        for late in sorted({0.0, tolerance.delay_s}):
-            lag = np.exp(-2j * np.pi * frequencies * late)[:, None, None, None]
-            worst = np.maximum(worst, _radius(plant, loop, operator * lag, frequencies))
+        worst = np.maximum(worst, _radius(plant, loop, late, frequencies))
     return worst
 
 

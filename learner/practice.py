@@ -26,7 +26,9 @@ from learner.trial_filter import Surprise, TrialFilter, noise_of
 Array = NDArray[np.float64]
 DISAGREEMENT = 1.5
 """Observed error over the predicted one, from which on the model is said to lack something."""
-INSTANTS = 24
+INSTANTS = 16
+RAMP_S = 0.05
+"""Within which a trial tells less and less of what the arm needs at rest."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ class Practice:
             # One trial is all that this update ever looks at.
             self.update = GainOne(self._frequency, noise, min(hand_picked_hz, band))
             first, repeats = measured[-1], 1
+        self._telling = _moving_weight(reference)
         self._lacked = self.update.expect(first, repeats)
         self.update.take(first, repeats)
         self._watch = ChangeWatch(self._frequency, len(replays), band, to_lines(self.update.correction))
@@ -168,6 +171,8 @@ class Practice:
         reference = self.task.reference
         trial.check(reference)
         needed = self._needed(trial)
+        # At rest friction holds within its level whatever is commanded: a torque measured there is no news.
+        needed = self._telling * needed + (1.0 - self._telling) * self.update.correction
         change = self._watch.look(self.update.expect(needed))
         rms = trial.velocity_error_rms(reference)
         learnt = not change.changed.any()
@@ -235,3 +240,11 @@ class Practice:
                     "model lacks something that this motion shows (etude diagnose names it)"
                 )
         return tuple(told)
+
+
+def _moving_weight(reference: Reference) -> Array:
+    """(samples, 1): one where the motion is, falling to zero over `RAMP_S` of the rests around it."""
+    start, stop, _ = reference.moving.indices(reference.samples)
+    k = np.arange(reference.samples)
+    away = np.maximum(np.maximum(start - k, k - (stop - 1)), 0) * reference.period / RAMP_S
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.minimum(away, 1.0)))[:, None]
