@@ -52,7 +52,7 @@ def child() -> None:
 
     tolerance = Tolerance(0.1, 1e-3)
     certificate = certify(model, reference, loop, operator, tolerance)
-    task = prepare(model, reference, kinematics, operator, certificate, loop, practised.timing, practised.limits)
+    task = prepare(model, model, reference, kinematics, operator, certificate, loop, practised.timing, practised.limits)
     practice = Practice(task, [trial() for _ in range(5)])
     seconds = []
     for _ in range(REPEATS):

@@ -53,6 +53,8 @@ class ModelOperator:
     model: InverseModel
     kinematics: Kinematics
     name: str = "thesis"
+    momentary: InverseModel | None = None
+    """The model as it is linearised at single instants; ``model`` itself unless that remembers earlier samples."""
 
     def command_error(self, trial: Trial, reference: Reference) -> Array:
         done = self.model.torque(*self.kinematics.at_torques(trial.q, trial.dq))
@@ -63,7 +65,7 @@ class ModelOperator:
         return _response(self.impulse(reference, at), frequencies, reference.period)
 
     def impulse(self, reference: Reference, at: NDArray[np.intp]) -> tuple[Array, Array]:
-        arm = linearise(self.model, reference.q[at], reference.dq[at], reference.ddq[at])
+        arm = linearise(self.momentary or self.model, reference.q[at], reference.dq[at], reference.ddq[at])
         return inverse_of(arm, reference.period)
 
 

@@ -96,6 +96,7 @@ class GainOne:
 
 def prepare(
     model: InverseModel,
+    momentary: InverseModel,
     reference: Reference,
     kinematics: Kinematics,
     operator: LearningOperator,
@@ -104,7 +105,10 @@ def prepare(
     timing: Timing,
     limits: TorqueLimits,
 ) -> Task:
-    """Initialise the feedforward by the model (Eq. 6.1). Raises InputError when the operator is refused."""
+    """Initialise the feedforward by the model (Eq. 6.1); ``momentary``: as in `ModelOperator`.
+
+    Raises InputError when the operator is refused.
+    """
     if not certificate.admitted:
         raise InputError(f"operator {operator.name}", certificate.reason, "choose another operator or a slower motion")
     exact = Kinematics(reference.period, held=kinematics.held, flat_hz=None)
@@ -112,7 +116,7 @@ def prepare(
     if not kinematics.held:
         ddq = reference.ddq
     at = spread_moving(reference, INSTANTS)
-    arm = linearise(model, reference.q[at], reference.dq[at], reference.ddq[at])
+    arm = linearise(momentary, reference.q[at], reference.dq[at], reference.ddq[at])
     return Task(reference, model.torque(q, dq, ddq), operator, certificate, loop, timing, limits, arm)
 
 

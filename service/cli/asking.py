@@ -50,9 +50,11 @@ def run(
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
     feedforward: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            "--feedforward", metavar="MODEL", help="Model file, or what practice learnt on this motion (CSV)."
+            "--feedforward",
+            metavar="MODEL",
+            help="Model by file or name, or what practice learnt on this motion (CSV).",
         ),
     ] = None,
     attached: AttachedOption = False,
@@ -63,7 +65,7 @@ def run(
         "motion": motion_reference(motion),
         "mode": mode,
         "controller": controller,
-        "feedforward": None if feedforward is None else str(feedforward.absolute()),
+        "feedforward": model_reference(feedforward),
         "attached": attached,
     }
     answer = conduct(arm, "run", asked)
@@ -106,6 +108,13 @@ def conduct(arm: str | None, command: str, arguments: dict[str, Any]) -> dict[st
 def motion_reference(given: str) -> str:
     """A motion's file as an absolute path, since the daemon works elsewhere; a name as it is."""
     return str(Path(given).absolute()) if given.endswith(".toml") or os.sep in given else given
+
+
+def model_reference(given: str | None) -> str | None:
+    """The same for a model, or a learnt feedforward; a name as it is."""
+    if given is None:
+        return None
+    return str(Path(given).absolute()) if Path(given).suffix in (".toml", ".csv") or os.sep in given else given
 
 
 def _shown(status: dict[str, Any]) -> list[Any]:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from service import outcomes
-from service.cli.asking import ModeOption, conduct, motion_reference
+from service.cli.asking import ModeOption, conduct, model_reference, motion_reference
 from service.cli.console import publish
 from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_start
 
 MotionArgument = Annotated[str, typer.Argument(metavar="MOTION", help="A motion's name, or its file.")]
 ModelOption = Annotated[
-    Path | None,
-    typer.Option("--model", metavar="FILE", help="Identified model (links.toml). [the arm's URDF]"),
+    str | None,
+    typer.Option("--model", metavar="MODEL", help="A model file, an arm's newest model, or ARM@VERSION. [its URDF]"),
 ]
 OperatorOption = Annotated[
     Literal["thesis", "decoupled", "proportional"],
@@ -41,9 +40,7 @@ def certify(
     from service.practice.answers import certificate_answer, certificate_report
     from service.practice.course import PracticeArguments, course
 
-    asked = PracticeArguments(
-        motion=motion, model=None if model is None else str(model), operator=operator, mode=mode, band_hz=band_hz
-    )
+    asked = PracticeArguments(motion=motion, model=model, operator=operator, mode=mode, band_hz=band_hz)
     found = course(asked, load_installation(arm_to_start(arm)))
     answer = certificate_answer(found)
     publish(answer, json, *certificate_report(answer))
@@ -82,7 +79,7 @@ def practise(
         "motion": motion_reference(motion),
         "trials": trials,
         "replays": replays,
-        "model": None if model is None else str(model.absolute()),
+        "model": model_reference(model),
         "operator": operator,
         "mode": mode,
         "band_hz": band_hz,
@@ -104,7 +101,7 @@ def compare_controllers(
     """Play a motion under every controller of Appendix A and compare the tracking errors."""
     asked = {
         "motion": motion_reference(motion),
-        "model": None if model is None else str(model.absolute()),
+        "model": model_reference(model),
         "attached": attached,
     }
     answer = conduct(arm, "compare_controllers", asked)

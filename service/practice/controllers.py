@@ -52,7 +52,7 @@ def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, install
         ("computed torque", "computed_torque", zero),
     ]
     whole = model.torque(motion.q, motion.dq, motion.ddq)
-    if model.terms:
+    if model.model.effects:
         hybrid.append(("full dynamics and named effects", motion.dq, whole))
     found = [
         Variant(name, "hybrid", rate, _plan(motion, dq, tau, "csp", "pd+ff", None, None, name))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -31,7 +30,7 @@ class PracticeArguments(BaseModel):
 
     motion: str
     model: str | None = None
-    """A model file; the arm's URDF when absent."""
+    """A model file, an arm's newest model or ARM@VERSION; the arm's URDF when absent."""
     operator: OperatorName = "thesis"
     mode: Mode = "csp"
     band_hz: Annotated[float, Field(gt=0)] | None = None
@@ -58,20 +57,28 @@ class Course:
         """Raises InputError when the certificate refuses the operator."""
         p = self.practised
         return prepare(
-            self.model, p.reference, self.kinematics, self.operator, self.certificate, p.loop, p.timing, p.limits
+            self.model,
+            self.model.momentary,
+            p.reference,
+            self.kinematics,
+            self.operator,
+            self.certificate,
+            p.loop,
+            p.timing,
+            p.limits,
         )
 
 
 def course(asked: PracticeArguments, installation: Installation) -> Course:
     """Raises InputError naming what is wrong with the motion or the model. The certificate may refuse: look at it."""
-    model = load_inverse_model(None if asked.model is None else Path(asked.model), installation)
+    model = load_inverse_model(asked.model, installation)
     practised = practised_motion(asked.motion, installation, asked.mode)
     reference = practised.reference
     kinematics = Kinematics(reference.period, held=practised.timing.held, flat_hz=FLAT_HZ)
     operator = _operator(asked.operator, practised, model, kinematics)
     period = reference.period
     tolerance = Tolerance(INERTIA_TOLERANCE, UNKNOWN_DELAY_S + 0.5 * period)
-    certificate = certify(model, reference, practised.loop, operator, tolerance, asked.band_hz)
+    certificate = certify(model.momentary, reference, practised.loop, operator, tolerance, asked.band_hz)
     return Course(practised, model, kinematics, operator, certificate)
 
 
@@ -79,5 +86,5 @@ def _operator(name: OperatorName, practised: Practised, model: ArmTorques, kinem
     if name == "proportional":
         return ProportionalOperator(practised.loop)
     if name == "decoupled":
-        return ModelOperator(DecoupledModel(mean_inertia(model, practised.reference.q)), kinematics, name)
-    return ModelOperator(model, kinematics)
+        return ModelOperator(DecoupledModel(mean_inertia(model.momentary, practised.reference.q)), kinematics, name)
+    return ModelOperator(model, kinematics, momentary=model.momentary)

@@ -14,6 +14,7 @@ from config import Installation
 from config.motion import check_motion, load_motion, sample
 from driver.recording import read_recording
 from learner.trial import Reference
+from service.models.store import model_path
 from service.practice.controllers import Variant, variants
 from service.practice.inverse_models import load_inverse_model
 from service.practice.planning import command_delay
@@ -47,9 +48,9 @@ class CompareControllers:
         motion = load_motion(arguments.motion, installation)
         self._motion = sample(motion, installation.cycle.rate_hz)
         check_motion(self._motion, installation, motion.name)
-        path = None if arguments.model is None else Path(arguments.model)
-        self._model = load_inverse_model(path, installation)
-        beside = None if path is None else path.with_suffix(".urdf")
+        self._model = load_inverse_model(arguments.model, installation)
+        # Identified links leave the bodies that come nearest to them beside the model.
+        beside = None if arguments.model is None else model_path(arguments.model).with_suffix(".urdf")
         urdf = beside.read_text() if beside is not None and beside.is_file() else None
         self._variants = [
             v for v in variants(self._motion, self._model, urdf, installation) if v.plan.mode in installation.modes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -25,7 +24,7 @@ class RunArguments(BaseModel):
     mode: Mode = "csp"
     controller: SessionController = "pd"
     feedforward: str | None = None
-    """A model file, or the feedforward (CSV) that practice learnt on this motion."""
+    """A model by file or name, or the feedforward (CSV) that practice learnt on this motion."""
 
 
 class RunMotion:
@@ -40,9 +39,7 @@ class RunMotion:
         else:
             if arguments.controller != "pd":
                 raise InputError("--feedforward", f"goes with pd, not with {arguments.controller}", "leave one out")
-            self._plan = plan_with_feedforward(
-                arguments.motion, installation, arguments.mode, Path(arguments.feedforward)
-            )
+            self._plan = plan_with_feedforward(arguments.motion, installation, arguments.mode, arguments.feedforward)
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump()

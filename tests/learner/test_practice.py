@@ -39,7 +39,7 @@ def task_of(arm: Any, model: Any, reference: Reference) -> Task:
     kinematics = Kinematics(PERIOD, held=True, flat_hz=80.0)
     operator = ModelOperator(model, kinematics)
     certificate = certify(model, reference, arm.loop, operator, Tolerance(0.1, 1e-3))
-    return prepare(model, reference, kinematics, operator, certificate, arm.loop, arm.timing, LIMITS)
+    return prepare(model, model, reference, kinematics, operator, certificate, arm.loop, arm.timing, LIMITS)
 
 
 def replays(arm: Any, task: Task, count: int = 5) -> list[Any]:
@@ -176,7 +176,17 @@ def test_what_is_refused(arm: Any, planar_model: Any, reference: Reference) -> N
     decoupled = ModelOperator(DecoupledModel(np.array([5 / 3, 1 / 3])), Kinematics(PERIOD, held=True, flat_hz=None))
     refused = certify(planar_model, reference, slow_servo, decoupled)
     with pytest.raises(InputError, match="Hz"):
-        prepare(planar_model, reference, decoupled.kinematics, decoupled, refused, slow_servo, arm.timing, LIMITS)
+        prepare(
+            planar_model,
+            planar_model,
+            reference,
+            decoupled.kinematics,
+            decoupled,
+            refused,
+            slow_servo,
+            arm.timing,
+            LIMITS,
+        )
 
 
 def test_feedback_replayed_is_a_proportional_operator(arm: Any, planar_model: Any, reference: Reference) -> None:
