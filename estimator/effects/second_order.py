@@ -6,28 +6,33 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter, lfilter_zi
+from scipy.signal import cont2discrete, lfilter
 
 Array = NDArray[np.float64]
 
-EDGE = 2
-"""Samples at the start whose second differences are one-sided."""
+START = 8
+"""Samples that say how a signal begins."""
 
 
 def second_order_lag(x: Array, period: float, relaxation: float, square: float) -> Array:
     """x (samples, …) through 1/(1 + relaxation·s + square·s²), whose factors are in s and s².
 
-    What it adds to x is the lag of −(relaxation·x' + square·x''), and that is what is filtered, exactly for signals
-    that run straight from sample to sample and from a steady start: a motion recorded from its middle on rings less.
+    Exact for signals that run straight from sample to sample. A recording that begins in the middle of a motion does
+    not make it ring: the parabola with which x begins has the lag's steady answer, and only the rest of x is filtered
+    from rest.
     """
-    slope = np.gradient(x, period, axis=0)
-    pull = -(relaxation * slope + square * np.gradient(slope, period, axis=0))
+    t = period * np.arange(len(x)).reshape(-1, *[1] * (x.ndim - 1))
+    count = min(START, len(x))
+    powers = np.vander(period * np.arange(count), 3, increasing=True)
+    at, slope, half = np.linalg.lstsq(powers, x[:count].reshape(count, -1), rcond=None)[0].reshape(3, *x.shape[1:])
+    parabola = at + slope * t + half * t**2
+    # The chords between samples lie half·period²/6 above a parabola, on the mean.
+    steady = (
+        parabola - relaxation * (slope + 2.0 * half * t) + ((relaxation**2 - square) * 2.0 + period**2 / 6.0) * half
+    )
     system = (np.ones(1), np.array([square, relaxation, 1.0]))
     numerator, denominator, _ = cont2discrete(system, period, method="foh")
-    b = np.ravel(numerator)
-    start = np.multiply.outer(lfilter_zi(b, denominator), pull[EDGE])
-    pull[:EDGE] = pull[EDGE]
-    return np.asarray(x + lfilter(b, denominator, pull, axis=0, zi=start)[0])
+    return np.asarray(steady + lfilter(np.ravel(numerator), denominator, x - parabola, axis=0))
 
 
 def resonated(x: Array, period: float, frequency: float, ratio: float) -> Array:

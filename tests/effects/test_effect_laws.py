@@ -1,0 +1,206 @@
+"""Each law against an independent form of itself: the nonlinear inverse dynamics, closed forms, small steps in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from config import InputError
+from estimator.effects import Place, Signals, effect
+from estimator.effects.backlash import play
+from estimator.effects.presliding import bristle
+from estimator.effects.second_order import resonated, second_order_lag
+from estimator.regressor import inverse_dynamics
+from estimator.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+Motion = tuple[Array, Array, Array, Array]
+ELBOW = Place(2)
+
+
+def torque(name: str, place: Place, signals: Signals, **parameters: float | Array) -> Array:
+    return effect(name).torque(place, parameters, signals)
+
+
+def rigid(body: RigidBody, q: Array, dq: Array, ddq: Array) -> Array:
+    return inverse_dynamics(body, body.prior(), q, dq, ddq)
+
+
+def close(found: Array, expected: Array, share: float) -> None:
+    """Within a share of the rms."""
+    assert np.sqrt(np.mean((found - expected) ** 2)) < share * np.sqrt(np.mean(expected**2))
+
+
+def test_an_offset_is_the_torque_at_the_other_angle(signals: Signals) -> None:
+    s, shift = signals, np.eye(6)[2] * 1e-3
+    expected = rigid(s.body, s.q + shift, s.dq, s.ddq) - s.tau_rigid
+    close(torque("encoder_offset", ELBOW, s, offset=1e-3), expected, 2e-3)
+
+
+def test_an_eccentric_disc_is_the_torque_of_the_motion_that_was_not_measured(signals: Signals) -> None:
+    """measured = true + a·sin(true + φ): given the true motion, the measured one follows in closed form."""
+    s, joint, a, phase = signals, 2, 1e-3, 0.7
+    x, v, w = s.q[:, joint], s.dq[:, joint], s.ddq[:, joint]
+    wave, slope = np.sin(x + phase), np.cos(x + phase)
+    true = [s.q.copy(), s.dq.copy(), s.ddq.copy()]
+    for channel, error in zip(true, (wave, slope * v, slope * w - wave * v**2), strict=True):
+        channel[:, joint] -= a * error
+    found = torque("encoder_eccentricity", ELBOW, s, amplitude=a, phase=phase)
+    close(found[5:-5], (rigid(s.body, *true) - s.tau_rigid)[5:-5], 5e-3)
+
+
+def test_a_tilted_base_is_turned_gravity(signals: Signals) -> None:
+    roll, pitch = 2e-3, -3e-3
+    tilted = Rotation.from_euler("xy", [roll, pitch]).inv().apply(signals.body.gravity)
+    body = replace(signals.body, gravity=np.asarray(tilted))
+    expected = rigid(body, signals.q, signals.dq, signals.ddq) - signals.tau_rigid
+    close(torque("base_tilt", Place(), signals, roll=roll, pitch=pitch), expected, 5e-3)
+
+
+def test_a_push_is_held_by_the_transposed_jacobian(signals: Signals) -> None:
+    force = np.array([3.0, -5.0, 2.0])
+    found = torque("contact", Place(), signals, where=np.array([1.0, 3.0]), force=force)
+    body, data = signals.body, signals.body.model.createData()
+    for sample in (300, 500):
+        q = body.configuration(signals.q[sample])
+        jacobian = pin.computeJointJacobians(body.model, data, q)
+        jacobian = pin.getJointJacobian(body.model, data, body.n, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        np.testing.assert_allclose(found[sample], -jacobian[:3].T @ force, atol=1e-9)
+    np.testing.assert_allclose(found[:100], 0.0, atol=1e-9)
+
+
+def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
+    mass, centre = 0.8, np.array([0.02, -0.01, 0.05])
+    heavier = signals.body.prior()
+    heavier[-10:-6] += mass * np.array([1.0, *centre])
+    expected = inverse_dynamics(signals.body, heavier, signals.q, signals.dq, signals.ddq) - signals.tau_rigid
+    np.testing.assert_allclose(torque("payload", Place(), signals, mass=mass, centre=centre), expected, atol=1e-9)
+
+
+def test_a_late_torque_is_that_of_the_time_before(
+    arm: RigidBody, motion: Motion, signals_of: Callable[[Motion], Signals]
+) -> None:
+    """Ten samples late: no interpolation, no first order."""
+    signals = signals_of(motion)
+    by = 10.0 * signals.period
+    late = torque("transport_delay", Place(channel="torque"), signals, delay=by)
+    np.testing.assert_allclose((signals.tau_rigid + late)[10:], signals.tau_rigid[:-10], atol=1e-9)
+    early = torque("transport_delay", Place(channel="position"), signals, delay=by)
+    np.testing.assert_allclose((signals.tau_rigid + early)[:-10], signals.tau_rigid[10:], atol=1e-9)
+
+
+def test_a_weaker_motor_is_measured_stronger(signals: Signals) -> None:
+    found = torque("torque_constant_error", ELBOW, signals, gain=0.8)
+    np.testing.assert_allclose(0.8 * (signals.tau_rigid + found)[:, 2], signals.tau_rigid[:, 2], atol=1e-9)
+
+
+def test_saturation_and_dead_zone_undo_their_curves(signals: Signals) -> None:
+    true = signals.tau_rigid[:, 2]
+    limit = 3.0 * float(np.abs(true).max())
+    measured = true + torque("torque_nonlinearity", ELBOW, signals, limit=limit)[:, 2]
+    close(limit * np.tanh(measured / limit), true, 2e-3)
+    measured = true + torque("torque_nonlinearity", ELBOW, signals, dead_zone=0.5)[:, 2]
+    returned = np.copysign(np.maximum(np.abs(measured) - 0.5, 0.0), measured)
+    away = np.abs(true) > 0.5
+    np.testing.assert_allclose(returned[away], true[away], atol=0.02)
+
+
+def test_dahl_s_bristle_is_its_differential_equation() -> None:
+    t = np.linspace(0.0, 6.0, 601)
+    q = 0.01 * np.sin(t) + 0.004 * np.sin(3.1 * t)
+    distance, fine, f = 2e-3, 200, 0.0
+    expected = np.zeros(len(q))
+    for k in range(1, len(q)):
+        step = (q[k] - q[k - 1]) / fine
+        for _ in range(fine):
+            f += (1.0 - f * np.sign(step)) * step / distance
+        expected[k] = f
+    np.testing.assert_allclose(bristle(q, distance), expected, atol=2e-2)
+    assert np.array_equal(bristle(np.zeros(10), distance), np.zeros(10))
+
+
+def test_friction_s_sign_has_the_asked_levels(signals: Signals) -> None:
+    s = signals
+    fast = np.abs(s.dq[:, 2]) > 0.2
+    found = torque(
+        "asymmetric_friction", ELBOW, s,
+        level_positive=2.0, level_negative=1.0, coefficient_positive=0.5, coefficient_negative=0.3,
+    )[fast, 2]  # fmt: skip
+    speed = s.dq[fast, 2]
+    np.testing.assert_allclose(found, np.where(speed > 0.0, 2.0 + 0.5 * speed, -1.0 + 0.3 * speed), atol=1e-9)
+    found = torque("stribeck_friction", ELBOW, s, level=1.0, breakaway=3.0, velocity=0.3, coefficient=0.2)[fast, 2]
+    expected = (1.0 + 2.0 * np.exp(-((speed / 0.3) ** 2))) * np.sign(speed) + 0.2 * speed
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_drift_begins_and_ends_where_it_says(signals: Signals) -> None:
+    found = torque("friction_drift", ELBOW, signals, initial=3.0, final=1.0, time_constant=0.5)[:, 2]
+    level = found / np.sign(signals.dq[:, 2])
+    moving = np.abs(signals.dq[:, 2]) > 0.2
+    np.testing.assert_allclose(level[moving], 1.0 + 2.0 * np.exp(-signals.t[moving] / 0.5), atol=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [2.0, 9.0, 40.0])
+def test_a_lag_answers_a_sine_as_its_transfer_function(frequency: float) -> None:
+    period, resonance, ratio = 1e-3, 10.0, 0.1
+    t = np.arange(0.0, 6.0, period)
+    found = resonated(np.sin(2.0 * np.pi * frequency * t), period, resonance, ratio)
+    u = frequency / resonance
+    answer = 1.0 / (1.0 - u**2 + 2.0j * ratio * u)
+    expected = np.imag(answer * np.exp(2.0j * np.pi * frequency * t))
+    settled = t > 3.0
+    np.testing.assert_allclose(found[settled], expected[settled], atol=0.03 * abs(answer) + 1e-3)
+
+
+def test_a_lag_leaves_what_stands_still() -> None:
+    np.testing.assert_allclose(second_order_lag(np.full(50, 3.0), 0.01, 0.02, 0.01), 3.0)
+
+
+def test_an_elastic_joint_gives_by_its_torque_over_its_stiffness(signals: Signals) -> None:
+    """Far below the resonance the link hangs behind the motor by tau/k."""
+    stiffness, s = 1e5, signals
+    lag = s.tau_rigid[:, 2] / stiffness
+    behind = [channel.copy() for channel in (s.q, s.dq, s.ddq)]
+    for channel in behind:
+        channel[:, 2] -= lag
+        lag = np.gradient(lag, s.period)
+    found = torque("joint_elasticity", ELBOW, s, stiffness=stiffness, damping=0.0)
+    close(found[20:-20], (rigid(s.body, *behind) - s.tau_rigid)[20:-20], 0.05)
+
+
+def test_a_gap_is_crossed_in_free_flight() -> None:
+    """With acceleration a·t after the turn, half a gap to either side: gap = a·t³/6."""
+    period, slope, gap = 1e-4, 50.0, 0.01
+    t = np.arange(-0.5, 0.5, period)
+    ahead = play(slope * t, period, gap)
+    assert ahead[0] == -gap / 2.0
+    assert ahead[-1] == gap / 2.0
+    arrival = t[np.flatnonzero(ahead == gap / 2.0)[0]]
+    assert arrival == pytest.approx((6.0 * gap / slope) ** (1.0 / 3.0), rel=0.01)
+
+
+def test_wrench_effects_are_what_the_sensor_says(signals: Signals) -> None:
+    place, wrench = Place(channel="wrench"), signals.load_wrench
+    assert wrench is not None
+
+    def added(name: str, **parameters: Array) -> Array:
+        theta, coefficients = effect(name).unknowns(place, parameters)
+        return np.asarray(effect(name).columns(place, signals, theta) @ coefficients)
+
+    bias = np.arange(6.0)
+    np.testing.assert_allclose(added("wrench_bias", bias=bias), np.tile(bias, (signals.samples, 1)))
+    np.testing.assert_allclose(added("wrench_drift", rate=bias), signals.t[:, None] * bias)
+    matrix = np.eye(6) + 0.1 * np.random.default_rng(0).normal(size=(6, 6))
+    np.testing.assert_allclose(wrench + added("wrench_gain", matrix=matrix.ravel()), wrench @ matrix.T)
+    turn = np.array([1e-3, -2e-3, 1.5e-3])
+    inverse = Rotation.from_rotvec(turn).inv()
+    turned = np.hstack([inverse.apply(wrench[:, :3]), inverse.apply(wrench[:, 3:])])
+    np.testing.assert_allclose(wrench + added("wrench_misalignment", rotation=turn), turned, atol=1e-4)
+    with pytest.raises(InputError, match="no load"):
+        effect("wrench_gain").columns(place, replace(signals, load_wrench=None), np.zeros(0))
