@@ -154,6 +154,7 @@ def canopen_us(installation: Installation) -> float:
                         variable.raw = 1
                     pdo_map.transmit()
         best = min(best, (time.process_time_ns() - start) / 1e3 / CYCLES_A_BATCH)
+    network.bus.shutdown()
     return best
 
 

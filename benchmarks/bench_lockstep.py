@@ -1,4 +1,7 @@
-"""Speed of lockstep, in multiples of real time, beside a bare `mj_step` loop of the same arm."""
+"""Speed of lockstep, in multiples of real time, beside a bare `mj_step` loop of the same arm.
+
+The best of several windows, of both: what the neighbours on a shared machine take is left out.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,8 @@ from benchmarks.figure import Figure
 from benchmarks.standin import running
 from config import load_installation
 
-VIRTUAL_SECONDS = 20.0
+VIRTUAL_SECONDS = 2.0
+WINDOWS = 10
 
 
 def bare_mujoco_speed(arm: str) -> float:
@@ -21,19 +25,25 @@ def bare_mujoco_speed(arm: str) -> float:
     model = spec.compile()
     data = mujoco.MjData(model)
     steps = int(VIRTUAL_SECONDS * installation.cycle.rate_hz)
-    start = time.perf_counter()
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-    return VIRTUAL_SECONDS / (time.perf_counter() - start)
+    least = float("inf")
+    for _ in range(WINDOWS):
+        start = time.perf_counter()
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        least = min(least, time.perf_counter() - start)
+    return VIRTUAL_SECONDS / least
 
 
 def lockstep_speed(arm: str) -> float:
     """Multiples of real time of loop, bus, drives, plant and sensor, with the arm enabled and holding."""
     with running(arm, lockstep=True) as (_, loop, _):
         loop.enable("csp")
-        start = time.perf_counter()
-        loop.run_for(VIRTUAL_SECONDS)
-        return VIRTUAL_SECONDS / (time.perf_counter() - start)
+        least = float("inf")
+        for _ in range(WINDOWS):
+            start = time.perf_counter()
+            loop.run_for(VIRTUAL_SECONDS)
+            least = min(least, time.perf_counter() - start)
+    return VIRTUAL_SECONDS / least
 
 
 def measure() -> list[Figure]:

@@ -12,8 +12,6 @@ from virtual_hw.drive.power_stage import Arm, PowerStage
 _POWER_UP_NS = 100_000_000
 """The drives are switched on this long before the clock starts: their boot-up messages are over by then."""
 
-TOGETHER_NS = 100_000
-
 
 class Rig:
     """All of the stand-in but its sockets. Time is moved by `advance` alone."""
@@ -63,13 +61,13 @@ class Rig:
         self.now_ns = t_ns
 
     def next_event_ns(self) -> int:
-        """When `advance` is to be called next: at the servo tick, or before it when the buses have carried what they
-        have; buses that fall quiet at nearly the same time are waited for together."""
-        quiet = [ns for bus in self.buses if (ns := bus.quiet_ns()) is not None]
-        if not quiet:
-            return self._next_tick_ns
-        soon = min(quiet) + TOGETHER_NS
-        return min(max(ns for ns in quiet if ns <= soon), self._next_tick_ns)
+        """When `advance` is to be called next: at the servo tick, or before it when a bus has carried what it has."""
+        due = self._next_tick_ns
+        for bus in self.buses:
+            quiet = bus.quiet_ns()
+            if quiet is not None and quiet < due:
+                due = quiet
+        return due
 
     def _servo_tick(self, now_ns: int) -> None:
         for act in self.at_ticks:
