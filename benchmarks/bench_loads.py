@@ -50,7 +50,7 @@ def measure() -> list[Figure]:
         block = [_identified(Path(folder) / f"block{k}", "puma600", y, BLOCK) for k, y in enumerate(places)]
         puma = _identified(Path(folder) / "bar-puma", "puma600", 0.0, BAR)
         dda = _identified(Path(folder) / "bar-dda", "dda", 0.0, BAR)
-    console = Console(width=140)
+    console = Console(width=150, markup=False)
     console.print(_table_3_1(block))
     inertias = {
         "PUMA, all joints": puma["dynamic"],

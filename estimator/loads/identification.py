@@ -18,7 +18,7 @@ from estimator.loads.layout import LoadLayout, Offset, wrench_layout
 from estimator.loads.parameters import RigidLoad
 from estimator.loads.recording import LoadRecording
 from estimator.loads.rigidity import ResidualRows, rigidity
-from estimator.loads.rows import Form, load_rows
+from estimator.loads.rows import Form, load_rows, resting_speed
 from estimator.loads.tare import Tare
 from estimator.loads.wrench_regressor import CHANNELS
 from estimator.rigid_body import RigidBody
@@ -30,6 +30,8 @@ _BAND_OVER_MOTION = 10.0
 _LEAST_BAND, _WIDEST_BAND = 5.0, 25.0
 """Hz, as for links: above, arm and sensor swing."""
 _LEAST_ROWS = 8
+_LEAST_TRAVEL = 0.02
+"""rad (m) by which at least one joint must move."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ def identify_load(
     """
     options = options or LoadOptions()
     _check(body, recordings, tares, options)
+    if not tares and prior is None:
+        _require_motion(recordings)
     recordings, warnings = _usable(recordings, options)
     band = options.band_hz or float(
         np.clip(_BAND_OVER_MOTION * motion_band([r.motion for r in recordings]), _LEAST_BAND, _WIDEST_BAND)
@@ -91,8 +95,9 @@ def identify_load(
             "record longer motion without gaps",
         )
     fit, delay = fit_with_delay(layout, sums, _believed(layout, tares, prior, hand), options.delay)
+    resting = resting_speed(recordings)
     residuals = [
-        _residuals(body, frame, layout, recording, number, band, options.form, fit, delay.value)
+        _residuals(body, frame, layout, recording, number, band, options.form, fit, delay.value, resting)
         for number, recording in enumerate(recordings)
     ]
     load = RigidLoad(fit.value[:10], fit.covariance[:10, :10])
@@ -130,6 +135,19 @@ def _check(body: RigidBody, recordings: Sequence[LoadRecording], tares: Sequence
             raise InputError("tares", "an offset or its standard error is not six numbers", "give (6,) each")
         if not np.all(np.asarray(tare.standard_error) > 0.0):
             raise InputError("tares", "a standard error is not positive", "average a tare over several samples")
+
+
+def _require_motion(recordings: Sequence[LoadRecording]) -> None:
+    """In one pose the sensor's offset and the load's weight are the same thing."""
+    highest = np.max([np.fmax.reduce(r.motion.q, axis=0) for r in recordings], axis=0)
+    lowest = np.min([np.fmin.reduce(r.motion.q, axis=0) for r in recordings], axis=0)
+    travel = float(np.max(highest - lowest))
+    if travel < _LEAST_TRAVEL:
+        raise InputError(
+            recordings[0].motion.name,
+            f"the arm moves by {travel:.2g} rad at most: the load's weight is not told from the sensor's offset",
+            "record motion that turns the load against gravity, or give a tare",
+        )
 
 
 def _usable(recordings: Sequence[LoadRecording], options: LoadOptions) -> tuple[list[LoadRecording], list[str]]:
@@ -182,11 +200,12 @@ def _residuals(
     form: Form,
     fit: LoadFit,
     delay: float,
+    resting: float,
 ) -> ResidualRows:
     """Second pass: what the fit leaves of each row, and what it explains by the load."""
     plan = plan_filter(recording.motion.rate, band, stride_limit=1)
     left, explained, still = [], [], []
-    for rows in load_rows(body, frame, layout, recording, number, plan, form, (delay,)):
+    for rows in load_rows(body, frame, layout, recording, number, plan, form, (delay,), resting):
         predicted = np.array([fit.filled[layout.unknowns(k)] @ c[:-1] for k, c in enumerate(rows.columns)])
         by_load = np.array([fit.filled[:10] @ c[:10] for c in rows.columns])
         left.append(np.array([c[-1] for c in rows.columns]) - predicted)

@@ -67,7 +67,7 @@ class RigidLoad:
     @property
     def centre(self) -> Measured:
         """(3,) m: centre of mass in the sensor's frame (Eq. 3.16)."""
-        m, mc = self.parameters[0], self.parameters[1:4]
+        m, mc = self._mass_to_divide_by, self.parameters[1:4]
         jacobian = np.zeros((3, 10))
         jacobian[:, 0] = -mc / m**2
         jacobian[:, 1:4] = np.eye(3) / m
@@ -76,7 +76,7 @@ class RigidLoad:
     @property
     def inertia(self) -> Measured:
         """(6,) kg·m²: xx xy xz yy yz zz about the centre of mass, in the sensor's axes (Eq. 3.17)."""
-        m, mc = self.parameters[0], self.parameters[1:4]
+        m, mc = self._mass_to_divide_by, self.parameters[1:4]
         shifted = (mc @ mc) * np.eye(3) - np.outer(mc, mc)
         jacobian = np.zeros((6, 10))
         jacobian[:, 0] = (shifted / m**2)[_ROWS, _COLUMNS]
@@ -117,6 +117,11 @@ class RigidLoad:
     def without(self, hand: RigidLoad) -> RigidLoad:
         """What is left when the hand is taken away; both about the same origin, errors independent."""
         return RigidLoad(self.parameters - hand.parameters, self.covariance + hand.covariance, self.name)
+
+    @property
+    def _mass_to_divide_by(self) -> float:
+        """NaN for none: nothing has no centre."""
+        return float(self.parameters[0]) or float("nan")
 
     def _derived(self, value: Array, jacobian: Array) -> Measured:
         """Delta method; what depends on an unknown parameter is unknown."""

@@ -31,16 +31,25 @@ class Recognition:
     confusion: float
 
 
-def recognise(load: RigidLoad, known: Sequence[RigidLoad], false_rejection: float = 0.01) -> Recognition:
+CALIBRATION = 0.02
+"""Share of a mass or moment by which calibration of sensor and kinematics may be off (one standard error): no noise in
+the recordings shows it."""
+
+
+def recognise(
+    load: RigidLoad, known: Sequence[RigidLoad], false_rejection: float = 0.01, calibration: float = CALIBRATION
+) -> Recognition:
     """Compares mass and, where told, principal moments: what does not depend on the grip.
 
-    The squared Mahalanobis distance of measured and known load, both with their covariances, is chi-squared.
+    The squared Mahalanobis distance of measured and known load, both with their covariances and ``calibration``'s, is
+    chi-squared.
     Raises InputError without known loads, for two of one name, or when not even the mass is told.
     """
     names = [k.name for k in known]
     if not names or len(set(names)) < len(names):
         raise InputError("known loads", "are none, or two have one name", "name each once")
     measured = _invariants(load)
+    measured = Measured(measured.value, measured.covariance + _off(measured, calibration))
     if not np.isfinite(measured.value[0]):
         raise InputError(load.name, "its mass is not known", "identify it with more motion first")
     p_values = {k.name: _p_value(measured, _invariants(k)) for k in known}
@@ -104,6 +113,10 @@ def _invariants(load: RigidLoad) -> Measured:
     covariance[0, 0] = load.mass.covariance[0, 0]
     covariance[1:, 1:] = moments.covariance
     return Measured(value, covariance)
+
+
+def _off(measured: Measured, calibration: float) -> Array:
+    return np.asarray(np.diag((calibration * np.where(np.isfinite(measured.value), measured.value, 0.0)) ** 2))
 
 
 def _p_value(a: Measured, b: Measured) -> float:

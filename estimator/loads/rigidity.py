@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.01
 """Chance of calling a rigid load not rigid."""
-_TOLERANCE = 0.01
-"""Share of the load's own wrench that errors of the kinematics may leave."""
+_TOLERANCE = 0.02
+"""Share of the load's own wrench that errors of the kinematics and the sensor's own give may leave."""
 _SAME_MOTION = 0.05
 """Relative difference of the predicted wrenches below which two recordings are repeats."""
 _LEAST_FREE = 10.0
@@ -51,7 +51,7 @@ class Rigidity:
 def rigidity(residuals: Sequence[ResidualRows], fit: LoadFit, names: Sequence[str]) -> Rigidity:
     """F-test of the residual against pure noise in each channel, Bonferroni over channels.
 
-    Degrees of freedom count only independent rows (coloured noise). An excess below a hundredth of the load's own
+    Degrees of freedom count only independent rows (coloured noise). An excess below a fiftieth of the load's own
     wrench is put down to the kinematics.
     """
     fitted = len(fit.value) / len(fit.power)

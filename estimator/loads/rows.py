@@ -7,7 +7,7 @@ Eq. 3.21 to 3.23).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,7 +30,9 @@ Array = NDArray[np.float64]
 Form = Literal["differentiated", "integrated"]
 
 _REST = 0.01
-"""Share of the recording's peak speed below which the arm counts as still."""
+"""Share of the recordings' peak speed below which the arm counts as still."""
+_SPEED_S = 0.05
+"""s over which a speed is a mean."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,11 @@ def load_rows(
     plan: FilterPlan,
     form: Form,
     shifts: ArrayLike = (0.0,),
+    resting: float = 0.0,
 ) -> Iterator[LoadRows]:
     """Rows of recording ``number``, segment by segment, so that memory does not grow with its length.
 
-    The wrench that stands beside the motion at t was measured at t + shift, s.
+    The wrench that stands beside the motion at t was measured at t + shift, s. ``resting``: of a joint, rad/s.
     """
     channels, shifts = np.array(layout.channels), np.asarray(shifts, dtype=float)
     edge = max(plan.edge, int(np.ceil(np.abs(shifts).max() * plan.rate)) + 1)
@@ -85,7 +88,7 @@ def load_rows(
         wrenches = _shifted(measured, inside, shifts * plan.rate)
         columns = _filtered(layout, motion, right, wrenches, plan, form)
         rows = columns[0].shape[1]
-        still = _still(smooth.dq[kept], plan.decimation)[first :: plan.decimation][:rows]
+        still = _still(smooth.dq[kept], plan.decimation, resting)[first :: plan.decimation][:rows]
         yield LoadRows(columns, still, clock[first :: plan.decimation][:rows], len(piece))
 
 
@@ -109,7 +112,19 @@ def _filtered(
     ]
 
 
-def _still(dq: Array, decimation: int) -> NDArray[np.bool_]:
+def _still(dq: Array, decimation: int, resting: float) -> NDArray[np.bool_]:
     """Samples around which no joint moves, as far as one row sees."""
     speed = np.abs(dq).max(axis=1)
-    return np.asarray(maximum_filter1d(speed, 4 * decimation + 1) < _REST * speed.max())
+    return np.asarray(maximum_filter1d(speed, 4 * decimation + 1) < resting)
+
+
+def resting_speed(recordings: Sequence[LoadRecording]) -> float:
+    """rad/s below which a joint counts as still, by how fast the recordings are at most."""
+    fastest = 0.0
+    for recording in recordings:
+        apart = max(1, round(_SPEED_S * recording.motion.rate))
+        t, q = recording.motion.t, recording.motion.q
+        if len(t) > apart:
+            speed = np.abs(q[apart:] - q[:-apart]) / (t[apart:] - t[:-apart])[:, None]
+            fastest = max(fastest, float(np.fmax.reduce(speed, axis=None, initial=0.0)))
+    return _REST * fastest

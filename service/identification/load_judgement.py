@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from estimator.loads import RigidLoad, recognise, verify
+from estimator.loads.recognition import CALIBRATION
 from service.identification.load_file import read_loads, read_one_load
 from service.identification.request import LoadRequest
 
@@ -22,6 +23,7 @@ def judged(load: RigidLoad, request: LoadRequest) -> dict[str, Any]:
             "name": r.name,
             "p_values": dict(r.p_values),
             "false_rejection": r.false_rejection,
+            "calibration_error": CALIBRATION,
             "confusion": r.confusion,
         }
     if request.expect is not None:

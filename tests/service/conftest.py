@@ -77,6 +77,12 @@ def house(monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
         yield made
 
 
+@pytest.fixture(scope="session")
+def new_house() -> type[House]:
+    """Makes a house in a folder, for fixtures that outlive a test."""
+    return House
+
+
 @pytest.fixture(scope="module")
 def running_house() -> Iterator[House]:
     """The direct drive arm's stand-in and daemon, up in lockstep for all tests of a module."""
