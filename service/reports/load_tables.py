@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from rich.console import RenderableType
@@ -36,8 +37,8 @@ def load_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"{answer['samples']} samples" + (f", band {answer['band_hz']:.3g} Hz" if answer.get("band_hz") else ""),
         parameters,
         *_residuals(answer),
-        *_sensor(answer),
-        *_judgements(answer),
+        *sensor_lines(answer),
+        *judgements(answer),
         f"load: {answer['load_file']}",
         *([f"plot: {answer['plot']}"] if answer["plot"] else []),
     ]
@@ -67,7 +68,8 @@ def _residuals(answer: dict[str, Any]) -> list[RenderableType]:
     return tables
 
 
-def _sensor(answer: dict[str, Any]) -> list[RenderableType]:
+def sensor_lines(answer: Mapping[str, Any]) -> list[RenderableType]:
+    """What was found about the sensor itself: its delay, offset and drift."""
     lines: list[RenderableType] = []
     delay = answer["wrench_delay"]
     if delay is not None and delay["value"] is not None:
@@ -80,7 +82,8 @@ def _sensor(answer: dict[str, Any]) -> list[RenderableType]:
     return lines
 
 
-def _judgements(answer: dict[str, Any]) -> list[RenderableType]:
+def judgements(answer: Mapping[str, Any]) -> list[RenderableType]:
+    """Whether it is a known load, and the one that was expected."""
     lines: list[RenderableType] = []
     if recognition := answer["recognition"]:
         told = recognition["name"] or "none of the known loads"
