@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.campaign.sealing import Question
+from estimator.diagnosis.diagnose import diagnose
 from service.answers import finite
-from service.diagnosis.diagnosing import diagnose_recordings
-from service.diagnosis.request import DiagnoseRequest
+from service.diagnosis.json_answer import as_json
+from service.identification.read import read_recordings
+
+TOPIC = "/joint_states"
 
 
 class Finder(Protocol):
@@ -23,10 +26,15 @@ class Finder(Protocol):
 
 
 def in_process(question: Question) -> Mapping[str, Any]:
-    """What `etude diagnose` does, without its start-up: the function behind it, which takes paths alone."""
-    request = DiagnoseRequest(question.learnt, question.held_out, arm=str(question.urdf))
-    answer: Mapping[str, Any] = finite(diagnose_recordings(request).answer)
+    """What `etude diagnose` does to find its answer, without its start-up, the twin's replay and the page."""
+    read = read_recordings(question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent)
+    found = diagnose(read.body, read.trajectories, read.hold_out)
+    answer: Mapping[str, Any] = finite(as_json(found, read.notes))
     return answer
+
+
+def _silent(stage: str, share: float) -> None:
+    """Nobody watches the progress."""
 
 
 def by_command(question: Question) -> Mapping[str, Any]:

@@ -10,6 +10,7 @@ from service.reports.link_tables import figure
 from service.reports.page import Html, badge, element, folded, joined, page, picture, section, table
 
 Answer = Mapping[str, Any]
+SOUND = ("identified", "ok")
 
 
 def links_page(answer: Answer) -> str:
@@ -20,7 +21,7 @@ def links_page(answer: Answer) -> str:
     where = "on motion that was not learnt from" if held_out else "on the motion that it was learnt from"
     lead = joined(
         [
-            badge("good" if answer["status"] == "ok" else "ambiguous", answer["status"]),
+            badge("good" if answer["status"] in SOUND else "ambiguous", answer["status"]),
             f"The model predicts the joint torques to {figure(relative)} % {where}.",
         ]
     )

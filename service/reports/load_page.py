@@ -11,6 +11,7 @@ from service.reports.load_tables import QUANTITIES, judgements, sensor_lines
 from service.reports.page import Html, badge, element, joined, page, picture, section, table
 
 Answer = Mapping[str, Any]
+SOUND = ("identified", "ok")
 
 
 def load_page(answer: Answer) -> str:
@@ -20,7 +21,7 @@ def load_page(answer: Answer) -> str:
     centre = ", ".join(figure(x) for x in answer["centre"]["value"])
     lead = joined(
         [
-            badge("good" if answer["status"] == "ok" else "ambiguous", answer["status"]),
+            badge("good" if answer["status"] in SOUND else "ambiguous", answer["status"]),
             f"It weighs {figure(mass['value'])}{error} kg, its centre at ({centre}) m in {answer['frame']}.",
         ]
     )
