@@ -102,6 +102,7 @@ def backlash(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
         0.004,
         0.06,
         lambda a: {"gap": a},
+        excused=named("joint_elasticity", joint),
         taken_from_link={joint: inertia},
     )
 
