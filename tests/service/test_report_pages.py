@@ -210,3 +210,79 @@ def test_plain_text_is_escaped_and_html_is_not() -> None:
     whole = page("k", "t & u", "lead", {"fact": "1", "empty": ""}, [])
     assert "t &amp; u" in whole
     assert "empty" not in whole
+
+
+def links_answer(plot: Path) -> dict[str, Any]:
+    residual = {"elbow": {"rms": 0.3, "relative": 0.012, "noise_rms": 0.2}}
+    return {
+        "arm": "dda",
+        "status": "identified",
+        "samples": 600,
+        "estimator": "weighted",
+        "band": 10.0,
+        "condition_number": 23.0,
+        "identifiability": {"alone": ["m1"], "combined": ["m2 + m3"], "not": ["Ixx1"]},
+        "base_parameters": [{"name": "Izz1 + Ixx2", "value": 12.78, "standard_error": 0.0039, "unit": "kg·m²"}],
+        "effects": [
+            {"effect": "coulomb_friction", "joint": "elbow", "parameter": "level", "value": 0.14,
+             "standard_error": 0.005, "unit": "N·m"}
+        ],
+        "torque_residual": residual,
+        "relative_error": 0.7,
+        "hold_out": residual,
+        "hold_out_relative_error": 0.9,
+        "notes": ["joints that were not recorded are held still"],
+        "warnings": [],
+        "model": "links.toml",
+        "urdf": None,
+        "plot": str(plot),
+    }  # fmt: skip
+
+
+def load_answer() -> dict[str, Any]:
+    def known(value: Any, error: Any, unit: str) -> dict[str, Any]:
+        return {"value": value, "standard_error": error, "unit": unit}
+
+    return {
+        "arm": "puma600",
+        "frame": "tool",
+        "status": "identified",
+        "method": "wrench",
+        "samples": 400,
+        "band_hz": 12.0,
+        "mass": known(1.106, 0.003, "kg"),
+        "centre": known([0.001, 0.002, 0.05], [0.0002] * 3, "m"),
+        "inertia": known([0.0244, 0.0, 0.0, 0.0007, 0.0, 0.0242], [1e-4] * 6, "kg·m²"),
+        "principal_moments": known([0.0007, 0.0242, 0.0244], [1e-4] * 3, "kg·m²"),
+        "rigid": {"verdict": "rigid", "p_value": 0.4, "detectable_share": 0.01, "noise_from": "repeats"},
+        "recognition": None,
+        "verification": {"verdict": "accepted", "expected": "block", "mass_tolerance": 0.05,
+                         "centre_tolerance": 0.003, "false_acceptance": 0.001, "false_rejection": 0.002},
+        "wrench_delay": {"value": 0.004, "standard_error": 1e-4},
+        "wrench_residual": {"fx": {"rms": 0.2, "relative": 0.02}},
+        "torque_residual": None,
+        "hold_out": None,
+        "plot": None,
+        "load_file": "block.toml",
+    }  # fmt: skip
+
+
+def test_the_page_of_links_takes_its_plot_in(tmp_path: Path) -> None:
+    plot = tmp_path / "torques.png"
+    plot.write_bytes(b"\x89PNG")
+    (tmp_path / "links.json").write_text(json.dumps(links_answer(plot)))
+    text = page_of_file(tmp_path / "links.json").read_text()
+    words = " ".join(Outline(text).words)
+    assert "data:image/png;base64," in text
+    assert "predicts the joint torques to 0.9 % on motion that was not learnt from" in words
+    for said in ("Izz1 + Ixx2", "12.78", "coulomb friction", "1.20 %", "held still"):
+        assert said in words, said
+
+
+def test_the_page_of_a_load_says_what_it_weighs_and_whether_it_is_the_expected_one(tmp_path: Path) -> None:
+    (tmp_path / "load.json").write_text(json.dumps(load_answer()))
+    outline = Outline(page_of_file(tmp_path / "load.json").read_text())
+    words = " ".join(" ".join(outline.words).split())
+    assert not outline.open
+    for said in ("weighs 1.106 ± 0.003 kg", "(0.001, 0.002, 0.05) m in tool", "accepted: block", "4.00 ± 0.1 ms late"):
+        assert said in words, said
