@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from config.loader import HERE
 from estimator.effects import Effect, Place, Scales, Signals, catalogue, effect
 from estimator.rigid_body import PARAMETERS, RigidBody
-from estimator.twin.plant import PlantDraft
+from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,9 @@ PARAMETERS_OF = {
     "wrench_resonance": {"frequency", "damping"},
     "nonrigid_load": set[str](),
 }
-UNIT = re.compile(r"–|(1/turn|N·m·s/rad|N·m/rad|N·m/s|N·m|N/s|N|kg·m²|kg·m|kg|rad/s|rad|Hz|m|s)(, N·m(/s)?)?")
+SYMBOL = r"(N|m|kg|rad|s|Hz|turn|K)[²³]?"
+PRODUCT = rf"(1|{SYMBOL}(·{SYMBOL})*)(/{SYMBOL})*"
+UNIT = re.compile(rf"–|{PRODUCT}(, {PRODUCT})?")
 
 everyone = pytest.mark.parametrize("name", sorted(catalogue()))
 
@@ -82,6 +85,14 @@ def test_it_says_what_it_is(name: str) -> None:
     others = {other.split(" of a neighbour")[0] for other in found.confused_with}
     assert others, "nothing in the catalogue is beyond confusion"
     assert others | set(found.contains) <= set(catalogue())
+
+
+@everyone
+def test_it_is_documented_with_its_parameters(name: str) -> None:
+    rows = [line for line in (HERE.parent / "docs" / "effects.md").read_text().splitlines() if f"`{name}`" in line]
+    assert rows, "docs/effects.md has no row for it"
+    named = set(re.findall(r"`(\w+)`", "".join(rows)))
+    assert set(effect(name).units) - set(PARAMETERS[1:-1]) <= named
 
 
 @everyone
@@ -171,3 +182,20 @@ def test_it_says_how_it_moves_the_simulated_arm(name: str, signals: Signals, sca
 def differs(one: PlantDraft, other: PlantDraft) -> bool:
     pairs = [(getattr(one, key), getattr(other, key)) for key in vars(one) if key != "body"]
     return any(not np.array_equal(a, b) if isinstance(a, np.ndarray) else a != b for a, b in pairs)
+
+
+def test_the_example_of_the_guide_is_an_effect(signals: Signals) -> None:
+    text = (HERE.parent / "docs" / "adding.md").read_text()
+    _, code, _ = re.split(r"```python\n|```\n", text[text.index("## An effect") :], maxsplit=2)
+    names: dict[str, object] = {"__name__": "example"}
+    exec(compile(code, "docs/adding.md", "exec"), names)
+    drag = names["EFFECT"]
+    assert isinstance(drag, Effect)
+    found = drag.torque(Place(1), {"coefficient": 0.5}, signals)[:, 1]
+    np.testing.assert_allclose(found, 0.5 * np.abs(signals.dq[:, 1]) * signals.dq[:, 1])
+    plant = PlantDraft(signals.body, signals.body.prior())
+    drag.simulate(Place(1), {"coefficient": 0.5}, plant)
+    ((joint, law),) = plant.rubbing
+    at = Instant()
+    at.dq = -2.0
+    assert (joint, law(at)) == (1, pytest.approx(2.0))
