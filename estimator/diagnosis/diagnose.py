@@ -100,8 +100,7 @@ def _of(search: Search, candidate: int) -> Hypothesis:
 
 
 def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
-    joint = hypothesis.place.joint
-    return hypothesis.effect.experiment.format(joint="of the arm" if joint is None else body.joints[joint])
+    return hypothesis.effect.experiment_at(hypothesis.place, body)
 
 
 def _unexplained(evidence: Evidence, search: Search, refined: Refined) -> dict[int, Unexplained]:

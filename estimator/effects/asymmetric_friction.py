@@ -30,7 +30,7 @@ class AsymmetricFriction(JointEffect):
     confused_with = ("torque_offset", "stribeck_friction")
     contains = ("coulomb_friction", "viscous_friction")
     seen_against = "dq"
-    experiment = "move joint {joint} at a high constant speed, both ways, and rest between"
+    experiment = "move {joint} at a high constant speed, both ways, and rest between"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.asarray(np.array(WIDTHS) * scales.dq[self.joint(place)])[:, None]

@@ -27,7 +27,7 @@ class Backlash(JointEffect):
     name = "backlash"
     units: ClassVar = {"gap": "rad"}
     confused_with = ("presliding", "joint_elasticity")
-    experiment = "reverse joint {joint} where gravity loads it, and where it does not"
+    experiment = "reverse {joint} where gravity loads it, and where it does not"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.array(GAPS)[:, None]

@@ -23,7 +23,7 @@ class Cogging(JointEffect):
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
     confused_with = ("encoder_eccentricity", "torque_ripple")
     seen_against = "q"
-    experiment = "sweep joint {joint} slowly through full turns, both ways"
+    experiment = "sweep {joint} slowly through full turns, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return orders(scales, self.joint(place))[:, None]

@@ -28,7 +28,7 @@ class CoulombFriction(JointEffect):
     hidden = (0,)
     confused_with = ("viscous_friction", "stribeck_friction", "presliding")
     seen_against = "dq"
-    experiment = "move joint {joint} at six or more constant speeds, both ways"
+    experiment = "move {joint} at six or more constant speeds, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.asarray(np.array(WIDTHS) * scales.dq[self.joint(place)])[:, None]

@@ -59,7 +59,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
     experiment: ClassVar[str]
-    """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint's name."""
+    """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint."""
     seen_against: ClassVar[SeenAgainst] = "law"
     """The quantity of the joint against which its torque shows its form; ``law``: its own prediction."""
     equation: ClassVar[Equation] = "torque"
@@ -68,6 +68,11 @@ class Effect(ABC):
     hidden: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta the catalogue's parameters do not hold: the sharpness of a sign. A fitted effect keeps
     them beside its parameters as its shape."""
+
+    def experiment_at(self, place: Place, body: RigidBody) -> str:
+        """The same sentence for a place."""
+        name = "the joint" if place.joint is None else body.joints[place.joint]
+        return self.experiment.format(joint=name if "joint" in name else f"joint {name}")
 
     def equation_at(self, place: Place) -> Equation:
         """The equation that it enters at this place."""

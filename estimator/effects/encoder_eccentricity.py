@@ -22,7 +22,7 @@ class EncoderEccentricity(JointEffect):
     units: ClassVar = {"amplitude": "rad", "phase": "rad"}
     confused_with = ("cogging",)
     seen_against = "q"
-    experiment = "turn joint {joint} slowly through full turns, both ways"
+    experiment = "turn {joint} slowly through full turns, both ways"
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))

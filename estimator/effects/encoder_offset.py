@@ -20,7 +20,7 @@ class EncoderOffset(JointEffect):
     units: ClassVar = {"offset": "rad"}
     confused_with = ("payload", "base_tilt", "link_inertia")
     seen_against = "q"
-    experiment = "rest in a grid of poses under two payloads, or hold a level to the link of joint {joint}"
+    experiment = "rest in a grid of poses under two payloads, or hold a level to the link of {joint}"
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))

@@ -28,7 +28,7 @@ class FrictionDrift(JointEffect):
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
     seen_against = "t"
-    experiment = "repeat the first motion of joint {joint} last, after some minutes of work"
+    experiment = "repeat the first motion of {joint} last, after some minutes of work"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         widths = np.array(WIDTHS) * scales.dq[self.joint(place)]

@@ -34,7 +34,7 @@ class JointElasticity(JointEffect):
     name = "joint_elasticity"
     units: ClassVar = {"stiffness": "N·m/rad", "damping": "N·m·s/rad"}
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
-    experiment = "let joint {joint} alone swing in a chirp up to its resonance"
+    experiment = "let {joint} alone swing in a chirp up to its resonance"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         joint = self.joint(place)

@@ -22,7 +22,7 @@ class JointSpring(JointEffect):
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
     seen_against = "q"
-    experiment = "rest in a grid of poses over the range of joint {joint}"
+    experiment = "rest in a grid of poses over the range of {joint}"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         q = signals.q[:, self.joint(place)]

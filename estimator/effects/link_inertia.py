@@ -23,7 +23,7 @@ class LinkInertia(Effect):
     name = "link_inertia"
     units: ClassVar = dict(zip(PARAMETERS, UNITS, strict=True))
     confused_with = ("payload", "rotor_inertia", "torque_constant_error")
-    experiment = "move joint {joint} and the joints around it alone, each at two accelerations and through gravity"
+    experiment = "move {joint} and the joints around it alone, each at two accelerations and through gravity"
 
     def places(self, body: RigidBody) -> list[Place]:
         return [Place(joint) for joint in range(body.n)]

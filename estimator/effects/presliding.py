@@ -27,7 +27,7 @@ class Presliding(JointEffect):
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)
     seen_against = "dq"
-    experiment = "reverse joint {joint} over a few milliradians, at several speeds"
+    experiment = "reverse {joint} over a few milliradians, at several speeds"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         joint = self.joint(place)

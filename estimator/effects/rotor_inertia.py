@@ -19,7 +19,7 @@ class RotorInertia(JointEffect):
     units: ClassVar = {"inertia": "kg·m²"}
     confused_with = ("link_inertia", "torque_constant_error", "joint_elasticity")
     seen_against = "ddq"
-    experiment = "move joint {joint} alone, in two poses of the joints after it"
+    experiment = "move {joint} alone, in two poses of the joints after it"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.ddq[:, [self.joint(place)], None]

@@ -28,7 +28,7 @@ class StribeckFriction(JointEffect):
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")
     seen_against = "dq"
-    experiment = "move joint {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
+    experiment = "move {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.asarray(np.array(VELOCITIES) * scales.dq[self.joint(place)])[:, None]

@@ -24,7 +24,7 @@ class TorqueConstantError(JointEffect):
     units: ClassVar = {"gain": "–"}
     confused_with = ("load_dependent_friction", "rotor_inertia", "link_inertia", "payload")
     seen_against = "tau"
-    experiment = "rest in several poses with a known payload on joint {joint}, and without"
+    experiment = "rest in several poses with a known payload on {joint}, and without"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.tau_rigid[:, [self.joint(place)], None]

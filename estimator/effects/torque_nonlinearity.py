@@ -28,7 +28,7 @@ class TorqueNonlinearity(JointEffect):
     hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")
     seen_against = "tau"
-    experiment = "let the torque of joint {joint} rise slowly towards its limit, and pass slowly through zero"
+    experiment = "let the torque of {joint} rise slowly towards its limit, and pass slowly through zero"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.array([[0.01], [0.1]])

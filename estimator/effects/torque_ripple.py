@@ -23,7 +23,7 @@ class TorqueRipple(JointEffect):
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
     confused_with = ("cogging",)
     seen_against = "q"
-    experiment = "sweep joint {joint} slowly through its range, under two loads"
+    experiment = "sweep {joint} slowly through its range, under two loads"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return orders(scales, self.joint(place))[:, None]

@@ -30,7 +30,7 @@ class TransmissionCoupling(Effect):
     hidden = (1,)
     confused_with = ("coulomb_friction", "viscous_friction")
     seen_against = "dq"
-    experiment = "move joint {joint} alone, the joint it shares a transmission with alone, then both together"
+    experiment = "move {joint} alone, the joint it shares a transmission with alone, then both together"
 
     def places(self, body: RigidBody) -> list[Place]:
         return [Place(i, other=j) for i in range(body.n) for j in range(i + 1, min(i + APART + 1, body.n))]

@@ -21,7 +21,7 @@ class VelocitySensorGain(JointEffect):
     units: ClassVar = {"gain": "–"}
     confused_with = ("viscous_friction",)
     seen_against = "dq"
-    experiment = "compare the velocity of joint {joint} with the slope of its angle"
+    experiment = "compare the velocity of {joint} with the slope of its angle"
     equation = "velocity"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

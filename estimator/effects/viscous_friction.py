@@ -19,7 +19,7 @@ class ViscousFriction(JointEffect):
     units: ClassVar = {"coefficient": "N·m·s/rad"}
     confused_with = ("coulomb_friction", "stribeck_friction")
     seen_against = "dq"
-    experiment = "move joint {joint} at six or more constant speeds, both ways"
+    experiment = "move {joint} at six or more constant speeds, both ways"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.dq[:, [self.joint(place)], None]

@@ -76,11 +76,11 @@ def test_the_catalogue_is_the_documented_one() -> None:
 
 
 @everyone
-def test_it_says_what_it_is(name: str) -> None:
+def test_it_says_what_it_is(name: str, arm: RigidBody) -> None:
     found = effect(name)
     assert type(found).__module__.endswith(f".{name}")
     assert all(UNIT.fullmatch(unit) for unit in found.units.values())
-    assert found.experiment.format(joint="elbow")
+    assert "{" not in found.experiment_at(found.places(arm)[0], arm)
     assert found.experiment[0].islower(), "it stands in the middle of a sentence"
     others = {other.split(" of a neighbour")[0] for other in found.confused_with}
     assert others, "nothing in the catalogue is beyond confusion"
