@@ -1,0 +1,62 @@
+"""A small seeded part of the campaign, on the arm that is quickest to simulate: the figures must not fall.
+
+`make campaign` measures the same over all arms, sizes and causes; these bounds are what that small part reaches, with
+room for one scenario.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.campaign.campaign import judged
+from benchmarks.campaign.finding import in_process
+from benchmarks.campaign.judging import Judgement
+from benchmarks.campaign.scenario import Plan
+from benchmarks.campaign.tally import tally
+
+SEED = 11
+KINDS = (
+    "coulomb_friction",
+    "base_tilt",
+    "torque_offset",
+    "rotor_inertia",
+    "viscous_friction",
+    "cogging",
+)
+SECONDS = 24.0
+
+
+@pytest.fixture(scope="module")
+def results() -> list[Judgement]:
+    clean = [Plan(number, SEED, "dda", scatter=0.03, seconds=SECONDS) for number in range(2)]
+    causes = [Plan(number, SEED, "dda", (kind,), 1.0, 0.03, SECONDS) for number, kind in enumerate(KINDS, len(clean))]
+    return [judged(plan, in_process) for plan in (*clean, *causes)]
+
+
+def values(results: list[Judgement]) -> dict[str, float]:
+    return {f.name: f.value for f in tally(results) if f.count}
+
+
+@pytest.mark.timeout(300)
+def test_clean_arms_are_said_to_be_clean(results: list[Judgement]) -> None:
+    assert values(results)["false alarms on clean arms, family-wise"] == 0.0, [r.sentence for r in results]
+
+
+@pytest.mark.timeout(300)
+def test_effects_as_large_as_the_noise_are_named_on_their_joints(results: list[Judgement]) -> None:
+    shares = values(results)
+    told = [r.sentence for r in results]
+    assert shares["effect and joint right, effect/noise 0.9 to 1.5"] >= 4 / 6, told
+    assert shares["effect and joint right or in the set named, effect/noise 0.9 to 1.5"] >= 5 / 6, told
+
+
+@pytest.mark.timeout(300)
+def test_hardly_anything_is_confidently_wrong(results: list[Judgement]) -> None:
+    assert sum(bool(r.wrong) for r in results) <= 1, [r.sentence for r in results]
+
+
+@pytest.mark.timeout(300)
+def test_held_out_motion_is_better_explained(results: list[Judgement]) -> None:
+    gains = [r.gain for r in results if r.right and r.truth.causes and r.gain is not None]
+    assert float(np.median(gains)) > 0.9, [(r.sentence, r.gain) for r in results]
