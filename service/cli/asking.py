@@ -54,7 +54,7 @@ def run(
         typer.Option(
             "--feedforward",
             metavar="MODEL",
-            help="Model by file or name, or what practice learnt on this motion (CSV).",
+            help="Model by file or name; what practice learnt on this motion (CSV); its session.",
         ),
     ] = None,
     attached: AttachedOption = False,

@@ -11,6 +11,7 @@ from config import InputError, Installation
 from config.schema import Mode
 from driver.recording import read_recording
 from service.practice.feedforward import plan_with_feedforward
+from service.practice.planning import command_delay
 from service.sessions.moving import MovingArm, SessionController, plan_motion
 from service.sessions.procedure import Tell
 from service.sessions.store import Kind, Session
@@ -24,7 +25,7 @@ class RunArguments(BaseModel):
     mode: Mode = "csp"
     controller: SessionController = "pd"
     feedforward: str | None = None
-    """A model by file or name, or the feedforward (CSV) that practice learnt on this motion."""
+    """See `service.practice.feedforward.plan_with_feedforward`."""
 
 
 class RunMotion:
@@ -62,5 +63,5 @@ class RunMotion:
             "recording": str(path),
             "samples": len(recording.t),
             "duration_s": float(recording.t[-1] - recording.t[0]),
-            "tracking_error": tracking_errors(recording),
+            "tracking_error": tracking_errors(recording, command_delay(plan.mode)),
         }

@@ -10,8 +10,10 @@ from driver.recording import Recording
 Array = NDArray[np.float64]
 
 
-def tracking_errors(recording: Recording) -> dict[str, dict[str, float]]:
+def tracking_errors(recording: Recording, delay: int) -> dict[str, dict[str, float]]:
     """Per joint: RMS and peak of measured minus wanted position [rad] and velocity [rad/s].
+
+    ``delay``: cycles that a command needs to the drive and into its reference (`planning.command_delay`).
 
     Samples that are missing on either side do not count; all missing gives NaN. Empty without /command.
     """
@@ -26,7 +28,7 @@ def tracking_errors(recording: Recording) -> dict[str, dict[str, float]]:
         ):
             if measured is None or wanted is None:
                 continue
-            error: Array = measured[:, i] - wanted[:, i]
+            error: Array = measured[delay:, i] - wanted[: len(wanted) - delay, i]
             error = error[np.isfinite(error)]
             entry[f"{name}_rms"] = float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
             entry[f"{name}_peak"] = float(np.max(np.abs(error))) if error.size else float("nan")
