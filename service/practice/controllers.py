@@ -14,6 +14,7 @@ from driver.plan import Controller, Plan
 from service.practice.inverse_models import ArmTorques
 
 Array = NDArray[np.float64]
+FULL_DYNAMICS = "full dynamics"
 SLOW_HZ = 133.0
 """The Motorola 68000's rate."""
 
@@ -44,7 +45,7 @@ def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, install
         ("position reference, gravity", zero, gravity),
         ("position and velocity reference", motion.dq, zero),
         ("position and velocity reference, gravity", motion.dq, gravity),
-        ("full dynamics", motion.dq, rigid),
+        (FULL_DYNAMICS, motion.dq, rigid),
     ]
     digital: list[tuple[str, Controller, Array]] = [
         ("PD", "pd", zero),
@@ -53,7 +54,7 @@ def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, install
     ]
     whole = model.torque(motion.q, motion.dq, motion.ddq)
     if model.model.effects:
-        hybrid.append(("full dynamics and named effects", motion.dq, whole))
+        hybrid.append((f"{FULL_DYNAMICS} and named effects", motion.dq, whole))
     found = [
         Variant(name, "hybrid", rate, _plan(motion, dq, tau, "csp", "pd+ff", None, None, name))
         for name, dq, tau in hybrid

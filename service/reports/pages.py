@@ -11,6 +11,7 @@ from service.diagnosis.keeping import ANSWER, PAGE, kept_page
 from service.reports.links_page import links_page
 from service.reports.load_page import load_page
 from service.reports.page import write_page
+from service.reports.practice_page import controllers_page, practice_page
 
 __all__ = ["page_of", "page_of_file"]
 
@@ -23,6 +24,10 @@ def page_of(answer: dict[str, Any], directory: Path) -> str | None:
         return links_page(answer)
     if "principal_moments" in answer:
         return load_page(answer)
+    if "repeatability" in answer and "plot" in answer:
+        return practice_page(answer)
+    if "controllers" in answer:
+        return controllers_page(answer)
     return None
 
 
@@ -40,7 +45,9 @@ def page_of_file(path: Path) -> Path:
         raise InputError(str(answer_path), f"is not JSON ({error})", "name what --json wrote") from None
     text = page_of(answer, answer_path.parent) if isinstance(answer, dict) else None
     if text is None:
-        raise InputError(str(answer_path), "is no answer that has a page", "name the answer of diagnose or identify")
+        raise InputError(
+            str(answer_path), "is no answer that has a page", "name the answer of diagnose, identify or practise"
+        )
     page = answer_path.parent / PAGE if answer_path.name == ANSWER else answer_path.with_suffix(".html")
     write_page(page, text)
     return page

@@ -15,7 +15,7 @@ from config.motion import check_motion, load_motion, sample
 from driver.recording import read_recording
 from learner.trial import Reference
 from service.models.store import model_path
-from service.practice.controllers import Variant, variants
+from service.practice.controllers import FULL_DYNAMICS, Variant, variants
 from service.practice.inverse_models import load_inverse_model
 from service.practice.planning import command_delay
 from service.practice.trials import trial_of
@@ -118,17 +118,22 @@ def _by_joint(joints: tuple[str, ...], values: Array) -> dict[str, float]:
 
 
 def _findings(rows: list[dict[str, Any]], joints: tuple[str, ...]) -> list[str]:
-    """Joints that the rigid bodies' dynamics do not help, and what the named effects gain them."""
+    """Joints that the rigid bodies' dynamics hardly help, and what effects beside the rigid bodies gain."""
     peaks = {row["controller"]: row["peak_deg"] for row in rows if row["family"] == "hybrid"}
-    told = []
-    for joint in joints:
-        before, after = peaks["position and velocity reference, gravity"][joint], peaks["full dynamics"][joint]
-        if before < LITTLE * after:
-            told.append(
-                f"{joint}: the rigid bodies' feedforward takes its peak error from {before:.3g}° to {after:.3g}° only: "
-                "what it lacks is no rigid body's (etude diagnose names it)"
-            )
-        named = peaks.get("full dynamics and named effects")
-        if named is not None:
-            told.append(f"{joint}: the named effects take its peak error from {after:.3g}° to {named[joint]:.3g}°")
+    servo, rigid, named = (
+        peaks.get(name)
+        for name in ("position and velocity reference, gravity", FULL_DYNAMICS, f"{FULL_DYNAMICS} and named effects")
+    )
+    assert servo is not None
+    assert rigid is not None
+    told = [
+        f"{joint}: the rigid bodies' feedforward takes its peak error from {servo[joint]:.3g}° to {rigid[joint]:.3g}° "
+        "only: what it lacks is no rigid body's (etude diagnose names it)"
+        for joint in joints
+        if servo[joint] < LITTLE * rigid[joint]
+    ]
+    if named is not None:
+        gains = ", ".join(f"{joint} {rigid[joint]:.3g}° to {named[joint]:.3g}°" for joint in joints)
+        most = min(joints, key=lambda joint: named[joint] / rigid[joint])
+        told.append(f"{most} gains most by the effects beside the rigid bodies: {gains}")
     return told

@@ -22,6 +22,7 @@ from service.practice.inverse_models import load_inverse_model
 from service.practice.planning import practised_motion
 from service.practice.record import read_feedforward, write_feedforward
 from service.practice.trials import actuation_lag, trial_of
+from service.reports import pages
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.timeout(300)
@@ -184,7 +185,11 @@ def test_practice_through_the_arm_is_stopped_taken_up_and_played(running_house: 
     assert answer["certificate"]["verdict"] == "converges"
     assert set(answer["actuation_lag_cycles"]) == {"joint1", "joint2", "joint3"}
     assert Path(answer["plot"]).stat().st_size > 10_000
-    assert house.answer("report", "last")["result"]["stopped_because"] == answer["stopped_because"]
+    report = house.answer("report", "last")
+    assert report["result"]["stopped_because"] == answer["stopped_because"]
+    page = pages.page_of(report["result"], Path(report["directory"]))
+    assert page is not None
+    assert "× repeatability" in page
     other = house.etude("practise", "dda-practice", "--resume", answer["session"])
     assert other.returncode == outcomes.BAD_INPUT
     assert "practised" in other.stderr
