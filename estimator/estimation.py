@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from estimator.base_parameters import BaseParameters
+from estimator.column_noise import motion_noise_autocovariance, without_column_noise
 from estimator.consistency import prior_precision
 from estimator.normal_equations import (
     NormalEquations,
@@ -27,11 +29,17 @@ from estimator.whitening import white_weight, whitening_weight
 
 Array = NDArray[np.float64]
 
-Estimator = Literal["least_squares", "weighted", "whitened", "instrumental_variables"]
+Estimator = Literal[
+    "least_squares", "weighted", "whitened", "instrumental_variables", "total_least_squares", "optimal_filter"
+]
+OF_NOISE: tuple[Estimator, ...] = ("total_least_squares", "optimal_filter")
+"""Estimators that know the noise in the regressor's columns."""
 
 _EXCITED = 1e-6
 """Share of a column's energy that no other column may explain away."""
 _REWEIGHTINGS = 3
+_LEAST_TORQUE_NOISE = 0.05
+"""Share of the residual that is the torque's own noise at least."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,16 @@ class Prior:
     """(10·n,) of bodies with mass, in the order of `RigidBody.prior`."""
     tolerance: float = 0.3
     """Relative standard deviation of masses, lengths squared and inertias alike (see `consistency.prior_precision`)."""
+
+
+@dataclass(frozen=True)
+class KnownNoise:
+    """What is known of the noise beside the residual."""
+
+    columns: list[Array]
+    """Of `estimator.column_noise.column_noise`."""
+    from_repeats: Callable[[Array], Array | None]
+    """(n, LAGS) autocovariance of the rows' pure error at given unknowns (P,); None where no motion recurs."""
 
 
 @dataclass(frozen=True)
@@ -71,43 +89,57 @@ class Hausman:
     """The unknown that differs most."""
 
 
-def estimate(layout: Layout, sums: Sums, estimator: Estimator, select_terms: bool, prior: Prior | None) -> Estimate:
-    """Solves for base parameters and terms; see `estimator.links.identify_links`."""
+def estimate(
+    layout: Layout,
+    sums: Sums,
+    estimator: Estimator,
+    select_terms: bool,
+    prior: Prior | None,
+    noise: KnownNoise | None = None,
+) -> Estimate:
+    """Solves for base parameters and terms; see `estimator.links.identify_links`. ``noise`` for those `OF_NOISE`."""
     by_instruments = estimator == "instrumental_variables"
+    rank = layout.base.rank
 
     def equations_of(weights: Array, by_instruments: bool = False) -> NormalEquations:
         equations = assemble(layout, sums, weights, by_instruments)
         return equations if prior is None else _informed(equations, layout.base, prior)
 
-    power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
-    weights = np.array([white_weight(p) for p in power])
-    equations = equations_of(weights)
-    rank = layout.base.rank
-    told = excited(assemble(layout, sums, weights), rank, _EXCITED)
-    chosen = told if prior is None else [*range(rank), *(k for k in told if k >= rank)]
-    chosen = _one_width_a_joint(layout, equations, chosen)
+    def system(weights: Array, by_instruments: bool = False) -> NormalEquations:
+        equations = equations_of(weights, by_instruments).of(chosen)
+        if noise is None:
+            return equations
+        return without_column_noise(layout, sums, equations, chosen, noise.columns, weights)
 
     def reweighted() -> Array:
-        """Weights from the residuals of the weighted solution, a few times over."""
+        """Weights from the solution before, a few times over."""
+        if estimator == "least_squares":
+            return np.array([white_weight(1.0)] * layout.body.n)
         result = weights
         for _ in range(_REWEIGHTINGS):
-            now = equations_of(result).of(chosen)
+            now = system(result)
             unknowns = np.zeros(layout.size)
             unknowns[chosen] = np.linalg.solve(now.total, now.total_right)
-            result = _weights_of_residual(layout, sums, unknowns, len(chosen), estimator == "whitened")
+            covariance = _residual_covariance(layout, sums, unknowns, len(chosen))
+            if estimator == "optimal_filter" and noise is not None:
+                covariance = _noise_covariance(layout, covariance, noise, unknowns)
+            coloured = estimator in ("whitened", "optimal_filter")
+            result = np.array([whitening_weight(c, sums.rows) if coloured else white_weight(c[0]) for c in covariance])
         return result
 
-    weights = np.array([white_weight(1.0)] * layout.body.n) if estimator == "least_squares" else reweighted()
-    equations = equations_of(weights, by_instruments)
+    power = np.maximum(torque_power(layout, sums.batches), np.finfo(float).tiny)
+    weights = np.array([white_weight(p) for p in power])
+    told = excited(assemble(layout, sums, weights), rank, _EXCITED)
+    chosen = told if prior is None else [*range(rank), *(k for k in told if k >= rank)]
+    chosen = _one_width_a_joint(layout, equations_of(weights), chosen)
+    weights = reweighted()
     refused: dict[int, float] = {}
     if select_terms:
-        chosen, refused = _supported(layout, equations, chosen, sums.rows * layout.body.n)
-        if estimator != "least_squares":
-            weights = reweighted()
-            equations = equations_of(weights, by_instruments)
-    final = equations.of(chosen)
+        chosen, refused = _supported(layout, equations_of(weights, by_instruments), chosen, sums.rows * layout.body.n)
+        weights = reweighted()
+    final = system(weights, by_instruments)
     solution = solve(final)
-    hausman = _hausman(solution, solve(equations_of(weights).of(chosen)), chosen) if by_instruments else None
+    hausman = _hausman(solution, solve(system(weights)), chosen) if by_instruments else None
     return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman, final, refused)
 
 
@@ -130,13 +162,24 @@ def _hausman(with_instruments: Solution, without: Solution, chosen: list[int]) -
     return Hausman(min(1.0, float(p_values[most]) * len(chosen)), chosen[most])
 
 
-def _weights_of_residual(layout: Layout, sums: Sums, unknowns: Array, fitted: int, whiten: bool) -> Array:
-    """(n, LAGS): one over each joint's residual variance, or its inverse spectrum."""
+def _residual_covariance(layout: Layout, sums: Sums, unknowns: Array, fitted: int) -> Array:
+    """(n, LAGS) autocovariance of each joint's residual, for what the fit has taken of it."""
     covariance = residual_autocovariance(layout, sums.batches, unknowns)
     floor = 1e-14 * torque_power(layout, sums.batches) + np.finfo(float).tiny
     covariance[:, 0] = np.maximum(covariance[:, 0], floor)
-    covariance *= sums.rows / max(1.0, sums.rows - fitted / layout.body.n)
-    return np.array([whitening_weight(row, sums.rows) if whiten else white_weight(row[0]) for row in covariance])
+    return np.asarray(covariance * (sums.rows / max(1.0, sums.rows - fitted / layout.body.n)))
+
+
+def _noise_covariance(layout: Layout, residual: Array, noise: KnownNoise, unknowns: Array) -> Array:
+    """(n, LAGS) of noise alone, which an optimal filter divides by (Eq. 5.49): the pure error where motion recurs, else
+    the motion's noise carried through the model, and white torque noise for what the residual has beyond that. What the
+    model lacks is then not mistaken for coloured noise."""
+    repeated = noise.from_repeats(unknowns)
+    if repeated is not None:
+        return repeated
+    motion = motion_noise_autocovariance(layout, noise.columns, unknowns)
+    motion[:, 0] += np.maximum(residual[:, 0] - motion[:, 0], _LEAST_TORQUE_NOISE * residual[:, 0])
+    return motion
 
 
 def _one_width_a_joint(layout: Layout, equations: NormalEquations, chosen: list[int]) -> list[int]:

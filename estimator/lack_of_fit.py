@@ -9,6 +9,7 @@ it is from the truth.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from scipy.stats import f as fisher
 from estimator.identification import LackOfFit
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rows import Layout, trajectory_rows
-from estimator.sums import Sums
+from estimator.sums import LAGS, Sums
 from estimator.trajectory import Trajectory, part_of
 
 Array = NDArray[np.float64]
@@ -27,68 +28,103 @@ _ENOUGH, _LEAST = 240.0, 24.0
 _LEAST_ROWS = 8
 
 
-def lack_of_fit(
-    layout: Layout, unknowns: Array, fitted: int, rows: int, trajectories: Sequence[Trajectory], band: float
-) -> tuple[LackOfFit, ...] | None:
+@dataclass(frozen=True)
+class Playings:
+    """Rows of every repeated motion, each as an array of one playing after the other."""
+
+    layout: Layout
+    rows: tuple[tuple[list[list[Array]], Array], ...]
+    """A motion: for each playing its rows (n arrays), and how many rows of each joint count (n,)."""
+
+    def residuals(self, unknowns: Array) -> list[tuple[Array, Array]]:
+        """A motion: residuals (playings, rows, n) N·m at these unknowns (P,), and the count of each joint's rows."""
+        joints = range(self.layout.body.n)
+        return [
+            (
+                np.array([[_residual(self.layout, unknowns, j, x[j]) for j in joints] for x in each]).swapaxes(1, 2),
+                count,
+            )
+            for each, count in self.rows
+        ]
+
+    def pure_error(self, unknowns: Array) -> Array | None:
+        """(n, LAGS) autocovariance of the rows' noise; None without repeats."""
+        total, between = np.zeros((self.layout.body.n, LAGS)), np.zeros(self.layout.body.n)
+        for stack, counted in self.residuals(unknowns):
+            deviation = stack - stack.mean(axis=0)
+            for lag in range(LAGS):
+                total[:, lag] += np.sum(deviation[:, lag:] * deviation[:, : stack.shape[1] - lag], axis=(0, 1))
+            between += (len(stack) - 1.0) * counted
+        return total / between[:, None] if np.all(between > _LEAST_ROWS) else None
+
+
+def find_playings(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> Playings:
+    """The rows of all motion that recurs; the search looks at a few minutes of all recordings."""
+    span = max(_ENOUGH / len(trajectories), _LEAST)
+    searched = [part_of(t, float(t.t[0]), float(t.t[0]) + span) for t in trajectories]
+    plain = replace(layout, instruments=False)
+    found = [_rows(plain, searched, group, band) for group in find_repeats(searched)]
+    return Playings(layout, tuple(x for x in found if len(x[0]) > 1 and x[0][0][0].shape[1] >= _LEAST_ROWS))
+
+
+def lack_of_fit(playings: Playings, unknowns: Array, fitted: int, rows: int) -> tuple[LackOfFit, ...] | None:
     """One test a joint; None where no motion recurs. ``unknowns`` (P,) as fitted, ``fitted`` of them free, to ``rows``.
 
     The residuals are the estimate's own: same rows, same band, rests left out where they were.
     """
-    span = max(_ENOUGH / len(trajectories), _LEAST)
-    searched = [part_of(t, float(t.t[0]), float(t.t[0]) + span) for t in trajectories]
-    n = layout.body.n
-    mean, scatter, neighbours = np.zeros(n), np.zeros(n), np.zeros(n)
+    n = playings.layout.body.n
+    mean, scatter, fourth = np.zeros(n), np.zeros(n), np.zeros(n)
+    lagged = np.zeros((LAGS - 1, n))
     free, between, judged = np.zeros(n), np.zeros(n), np.zeros(n)
-    playings = 0
-    for group in find_repeats(searched):
-        stack, counted = _residuals(layout, unknowns, searched, group, band)
+    total = 0
+    for stack, counted in playings.residuals(unknowns):
         count = len(stack)
-        if count < 2 or stack.shape[1] < _LEAST_ROWS:
-            continue
-        playings += count
+        total += count
         deviation = stack - stack.mean(axis=0)
         mean += count * np.sum(stack.mean(axis=0) ** 2, axis=0)
         scatter += np.sum(deviation**2, axis=(0, 1))
-        neighbours += np.sum(deviation[:, 1:] * deviation[:, :-1], axis=(0, 1))
+        fourth += np.sum(deviation**4, axis=(0, 1)) * (count / (count - 1.0)) ** 2
+        for lag in range(1, LAGS):
+            lagged[lag - 1] += np.sum(deviation[:, lag:] * deviation[:, :-lag], axis=(0, 1))
         free += counted
         between += (count - 1.0) * counted
         judged += count * counted
-    if playings == 0 or not np.all(between > _LEAST_ROWS):
+    if not np.all(between > _LEAST_ROWS):
         return None
-    # The fit has taken its unknowns out of the means, and neighbouring rows of coloured noise count for less than one.
-    share = np.array([len(layout.unknowns(j)) for j in range(n)], dtype=float)
+    # The fit has taken its unknowns out of the means. Rows of coloured noise, or of noise that comes and goes with the
+    # motion, count for less than one: a mean square scatters by its spectrum squared, and by its fourth moment.
+    share = np.array([len(playings.layout.unknowns(j)) for j in range(n)], dtype=float)
     absorbed = fitted * share / share.sum() * np.minimum(1.0, judged / rows)
     left = np.maximum(free - absorbed, 1.0)
-    correlation = np.clip(neighbours / np.maximum(scatter, np.finfo(float).tiny), 0.0, 0.95)
-    fewer = (1.0 - correlation**2) / (1.0 + correlation**2)
-    noise = np.maximum(scatter / between, np.finfo(float).tiny)
+    tiny = np.finfo(float).tiny
+    colour = 1.0 + 2.0 * np.sum((lagged / np.maximum(scatter, tiny)) ** 2, axis=0)
+    bursts = np.maximum(fourth * judged / (3.0 * np.maximum(scatter * judged / between, tiny) ** 2), 1.0)
+    fewer = 1.0 / (colour * bursts)
+    noise = np.maximum(scatter / between, tiny)
     ratio = mean / left / noise
     p_values = np.asarray(fisher.sf(ratio, np.maximum(left * fewer, 1.0), np.maximum(between * fewer, 1.0)))
     lacking = np.sqrt(np.maximum(mean - free * noise, 0.0) / judged)
     return tuple(
-        LackOfFit(float(ratio[j]), float(p_values[j]), float(lacking[j]), float(np.sqrt(noise[j])), playings)
+        LackOfFit(float(ratio[j]), float(p_values[j]), float(lacking[j]), float(np.sqrt(noise[j])), total)
         for j in range(n)
     )
 
 
-def _residuals(
-    layout: Layout, unknowns: Array, trajectories: Sequence[Trajectory], group: RepeatGroup, band: float
-) -> tuple[Array, Array]:
-    """(playings, rows, n) N·m residuals of the playings that are whole, and how many rows of each joint count (n,)."""
-    found: list[Array] = []
+def _rows(
+    layout: Layout, trajectories: Sequence[Trajectory], group: RepeatGroup, band: float
+) -> tuple[list[list[Array]], Array]:
+    """Rows of the playings that are whole, cut to the shortest, and how many of each joint's count (n,)."""
+    found: list[list[Array]] = []
     counted: list[Array] = []
     for occurrence in group.occurrences:
         playing = part_of(trajectories[occurrence.trajectory], occurrence.start, occurrence.start + group.duration)
         pieces = list(trajectory_rows(layout, playing, band, Sums()))
         if len(pieces) == 1:
-            rows, counts = pieces[0]
-            residual = [_residual(layout, unknowns, joint, rows[joint]) for joint in range(layout.body.n)]
-            found.append(np.array(residual).T)
-            counted.append(counts.sum(axis=1))
-    shortest = min((len(x) for x in found), default=0)
-    if not shortest:
-        return np.empty((0, 0, layout.body.n)), np.zeros(layout.body.n)
-    return np.array([x[:shortest] for x in found]), np.min(counted, axis=0)
+            found.append(pieces[0][0])
+            counted.append(pieces[0][1].sum(axis=1))
+    shortest = min((rows[0].shape[1] for rows in found), default=0)
+    least = np.min(counted, axis=0) if counted else np.zeros(layout.body.n)
+    return [[x[:, :shortest] for x in rows] for rows in found], least
 
 
 def _residual(layout: Layout, unknowns: Array, joint: int, rows: Array) -> Array:

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.channel_noise import channel_noise
-from estimator.estimation import Estimate, Estimator, Prior, estimate
+from estimator.column_noise import column_noise
+from estimator.estimation import OF_NOISE, Estimate, Estimator, KnownNoise, Prior, estimate
 from estimator.filtering import motion_band
 from estimator.held_by_friction import speeds_to_leave_out
 from estimator.identification import Fit, LinkIdentification, TorqueResidual
-from estimator.lack_of_fit import lack_of_fit
+from estimator.lack_of_fit import Playings, find_playings, lack_of_fit
 from estimator.leave_one_out import leave_one_out
 from estimator.normal_equations import assemble, residual_autocovariance, torque_power
 from estimator.rigid_body import RigidBody
@@ -84,8 +85,12 @@ def identify_links(
             f"{sums.duration:.2g} s of gapless motion are too short for {layout.size} unknowns at {band:.3g} Hz",
             "record longer motion",
         )
-    found = estimate(layout, sums, options.estimator, options.select_terms, prior)
-    return _result(layout, sums, options, trajectories, hold_out, band, found)
+    playings = find_playings(layout, trajectories, band)
+    known = None
+    if options.estimator in OF_NOISE and noise is not None:
+        known = KnownNoise(column_noise(layout, trajectories, band, noise), playings.pure_error)
+    found = estimate(layout, sums, options.estimator, options.select_terms, prior, known)
+    return _result(layout, sums, options, trajectories, hold_out, band, found, playings)
 
 
 def _check(body: RigidBody, trajectories: Sequence[Trajectory], options: LinkOptions) -> None:
@@ -124,6 +129,7 @@ def _result(
     hold_out: Sequence[Trajectory],
     band: float,
     found: Estimate,
+    playings: Playings,
 ) -> LinkIdentification:
     warnings = [*_warnings(trajectories), *_refusals(layout, found)]
     rank, chosen, solution = layout.base.rank, found.chosen, found.solution
@@ -165,7 +171,7 @@ def _result(
         status=status,
         warnings=tuple(warnings),
         tests=_tests(layout, found),
-        lack_of_fit=lack_of_fit(layout, unknowns, len(chosen), sums.rows, trajectories, band),
+        lack_of_fit=lack_of_fit(playings, unknowns, len(chosen), sums.rows),
         leave_one_out=_by_name(trajectories, leave_one_out(layout, sums, found)),
     )
 

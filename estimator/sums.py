@@ -71,7 +71,7 @@ class Sums:
         pieces = int(np.clip(count // _LEAST_ROWS, 1, 10))
         edges = np.linspace(0, count, pieces + 1).astype(int)
         for begin, end in pairwise(edges):
-            products = [_lagged_products(x, begin, end) for x in rows]
+            products = [lagged_products(x, begin, end) for x in rows]
             self.batches.append(Batch(int(end - begin), recording, products, weights[:, begin:end].sum(axis=1)))
         self._thin()
 
@@ -97,7 +97,7 @@ class Sums:
             self.batches[k].absorb(self.batches.pop(k + 1))
 
 
-def _lagged_products(rows: Array, begin: int, end: int) -> Array:
+def lagged_products(rows: Array, begin: int, end: int) -> Array:
     """Products of rows begin … end with rows up to LAGS − 1 later; zero beyond the segment's end."""
     width = rows.shape[0]
     result = np.zeros((LAGS, width, width))
