@@ -1,4 +1,4 @@
-"""Normal equations from sums: assembled joint by joint with weights, solved, with errors from leaving batches out."""
+"""Normal equations from sums: assembled joint by joint with weights, solved, with errors from how batches disagree."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from estimator.rows import Layout
 from estimator.sums import LAGS, Batch, Sums
 
 Array = NDArray[np.float64]
+
+
+_LEAST_LEFT = 1e-3
+"""Of a batch's leverage, what is left to the others at least: what one batch alone tells has a large error."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = 
 
 
 def solve(equations: NormalEquations) -> Solution:
-    """Solution and delete-one-batch (jackknife) covariance, which holds whatever the noise's colour within a batch.
+    """Solution and its covariance by batches, which holds whatever the noise's colour within a batch.
 
     A prior's own uncertainty is added. With fewer than four batches the covariance is infinite: the data do not say
     how far to trust them.
@@ -97,12 +101,32 @@ def solve(equations: NormalEquations) -> Solution:
     # What only one batch can tell leaves a singular rest: the slight ridge turns it into a large error, not a fault.
     rest = (total - equations.matrix) / np.outer(scale, scale) + 1e-12 * np.eye(size)
     without = np.linalg.solve(rest, ((right - equations.right) / scale)[..., None])[..., 0] / scale
-    deviation = without - value
-    covariance = (count - 1) / count * deviation.T @ deviation
+    covariance = _covariance(equations, scale, value, without)
     if equations.prior_matrix.any():
         inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
         covariance += inverse @ equations.prior_matrix @ inverse
     return Solution(value, covariance, count - 1.0, without)
+
+
+def _covariance(equations: NormalEquations, scale: Array, value: Array, without: Array) -> Array:
+    """From how far each batch pulls at the solution (P,), by CR2 (Bell and McCaffrey 2002): a batch's pull counts over
+    the square root of what it has left of itself to disagree with, (1 − leverage)^½, which is right on average where
+    leaving the batch out, (1 − leverage)¹, is too much. Equations with instruments have no leverage: there the
+    solutions ``without`` (batches, P) each batch are compared.
+    """
+    total = equations.total / np.outer(scale, scale)
+    count = len(equations.right)
+    if not np.allclose(total, total.T, rtol=0.0, atol=1e-9):
+        deviation = without - value
+        return np.asarray((count - 1) / count * deviation.T @ deviation)
+    root = np.linalg.cholesky(total)
+    inner = np.linalg.inv(root)
+    own = inner @ (equations.matrix / np.outer(scale, scale)) @ inner.T
+    leverage, axes = np.linalg.eigh((own + own.swapaxes(1, 2)) / 2.0)
+    pull = ((equations.right - equations.matrix @ value) / scale) @ inner.T
+    freed = np.einsum("bij,bj->bi", axes.swapaxes(1, 2), pull) / np.sqrt(np.clip(1.0 - leverage, _LEAST_LEFT, 1.0))
+    pull = np.einsum("bij,bj->bi", axes, freed) @ inner / scale
+    return np.asarray(pull.T @ pull)
 
 
 def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int]:

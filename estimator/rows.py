@@ -179,13 +179,13 @@ class _RowMaker:
         return [np.concatenate(part) for part in parts], weight[:, ::length] ** 2
 
     def _taper(self, samples: int) -> Array:
-        """Rises and falls over one row: the sums over coarse and fine samples then agree at the ends as well."""
+        """Rises and falls over one row: cut off abruptly, the strong noise of accelerations above the band would spill
+        into it, and the sums over coarse and fine samples would not agree at the ends."""
         taper = np.ones(samples)
-        if self.plan.stride > 1:
-            length = self.plan.stride * self.plan.decimation
-            ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(length) + 0.5) / length)
-            taper[:length] *= ramp
-            taper[-length:] *= ramp[::-1]
+        length = self.plan.stride * self.plan.decimation
+        ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(length) + 0.5) / length)
+        taper[:length] *= ramp
+        taper[-length:] *= ramp[::-1]
         return taper
 
     def _rigid(self, motion: Motion, weight: Array) -> list[Array]:
