@@ -39,7 +39,7 @@ _EXCITED = 1e-6
 """Share of a column's energy that no other column may explain away."""
 _REWEIGHTINGS = 3
 _LEAST_TORQUE_NOISE = 0.05
-"""Share of the residual that is the torque's own noise at least."""
+"""Share of the residual that is white at least."""
 
 
 @dataclass(frozen=True)
@@ -171,15 +171,14 @@ def _residual_covariance(layout: Layout, sums: Sums, unknowns: Array, fitted: in
 
 
 def _noise_covariance(layout: Layout, residual: Array, noise: KnownNoise, unknowns: Array) -> Array:
-    """(n, LAGS) of noise alone, which an optimal filter divides by (Eq. 5.49): the pure error where motion recurs, else
-    the motion's noise carried through the model, and white torque noise for what the residual has beyond that. What the
-    model lacks is then not mistaken for coloured noise."""
+    """(n, LAGS) that an optimal filter divides by (Eq. 5.49): the colour of the noise alone, from the pure error where
+    motion recurs, else from the motion's noise carried through the model; and white for what the residual has beyond.
+    What the model lacks is then not mistaken for coloured noise, which would take the weight away from where it moves.
+    """
     repeated = noise.from_repeats(unknowns)
-    if repeated is not None:
-        return repeated
-    motion = motion_noise_autocovariance(layout, noise.columns, unknowns)
-    motion[:, 0] += np.maximum(residual[:, 0] - motion[:, 0], _LEAST_TORQUE_NOISE * residual[:, 0])
-    return motion
+    coloured = motion_noise_autocovariance(layout, noise.columns, unknowns) if repeated is None else repeated
+    coloured[:, 0] += np.maximum(residual[:, 0] - coloured[:, 0], _LEAST_TORQUE_NOISE * residual[:, 0])
+    return coloured
 
 
 def _one_width_a_joint(layout: Layout, equations: NormalEquations, chosen: list[int]) -> list[int]:

@@ -42,7 +42,7 @@ class LinkOptions:
     """How to identify. ``band_hz`` None: taken from the motion. ``terms``: what may be fitted beside the rigid body;
     each is kept only where the data support it, unless ``select_terms`` is false."""
 
-    estimator: Estimator = "weighted"
+    estimator: Estimator = "optimal_filter"
     band_hz: float | None = None
     terms: tuple[TermName, ...] = TERM_NAMES
     select_terms: bool = True
@@ -57,12 +57,19 @@ def identify_links(
 ) -> LinkIdentification:
     """Base parameters, friction, rotor inertias and offsets with standard errors.
 
-    One pass sums the recordings up; everything else is algebra on the sums. ``weighted`` weights each joint by its
-    residual, iteratively; ``whitened`` also whitens the residual's colour, which is best when noise and not the model's
-    faults make the residual; ``instrumental_variables`` is weighted and takes the regressor of the commanded motion
-    as instruments, so that noise in angles and velocities does not bias the answer; all trajectories must then
-    have `Trajectory.q_desired`, and ``tests`` says whether that noise mattered (Durbin–Wu–Hausman). With a ``prior``,
-    what the motion tells badly stays near it: for short motions of arms with many joints.
+    One pass sums the recordings up; everything else is algebra on the sums. Measured velocities and angles are joined
+    by their noise spectra. By ``options.estimator``:
+
+    - ``optimal_filter``: each joint's equations divided by the noise that stands in them, of the torque and of the
+      motion carried through the model, iterated on the unknowns (thesis, Eq. 5.49), and the noise of the columns taken
+      out of the normal equations (total least squares). Noise comes from repeats where motion recurs.
+    - ``total_least_squares``: the same without the filter, each joint weighted by its residual.
+    - ``least_squares``: all joints and frequencies alike. ``weighted``: each joint by its residual, iteratively.
+    - ``whitened``: also by the residual's colour, which takes what the model lacks for noise.
+    - ``instrumental_variables``: weighted, with the regressor of the commanded motion as instruments; all trajectories
+      must then have `Trajectory.q_desired`; ``tests`` says whether noise in the motion mattered (Durbin–Wu–Hausman).
+
+    With a ``prior``, what the motion tells badly stays near it: for short motions of arms with many joints.
 
     Raises InputError for recordings that do not fit the arm, or have no usable motion.
     """

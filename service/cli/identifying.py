@@ -49,7 +49,7 @@ def links(
     motion: Annotated[
         list[str] | None, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat.")
     ] = None,
-    estimator: EstimatorOption = "weighted",
+    estimator: EstimatorOption = "optimal_filter",
     band_hz: Annotated[
         float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
     ] = None,

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-EstimatorName = Literal["least_squares", "weighted", "whitened", "instrumental_variables"]
+EstimatorName = Literal[
+    "optimal_filter", "least_squares", "weighted", "whitened", "instrumental_variables", "total_least_squares"
+]
 """The estimators of `estimator.links`, named here so that asking does not load them."""
 
 
@@ -22,7 +24,7 @@ class LinksRequest:
     arm: str | None = None
     hold: Mapping[str, float] = field(default_factory=dict)
     topic: str = "/joint_states"
-    estimator: EstimatorName = "weighted"
+    estimator: EstimatorName = "optimal_filter"
     band_hz: float | None = None
 
 

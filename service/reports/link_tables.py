@@ -25,6 +25,11 @@ def link_report(answer: dict[str, Any]) -> list[RenderableType]:
                 e["effect"], e["joint"], e["parameter"], figure(e["value"]), figure(e["standard_error"]), e["unit"]
             )
         shown.append(effects)
+    intervals = answer.get("intervals", {})
+    if withheld := intervals.get("withheld"):
+        shown.append(f"no confidence intervals: {withheld}")
+    elif caution := intervals.get("caution"):
+        shown.append(f"intervals: {caution}")
     groups = answer["identifiability"]
     shown.append(
         f"{len(groups['alone'])} parameters identifiable alone, {len(groups['combined'])} in combination, "
@@ -43,6 +48,9 @@ def residual_tables(answer: dict[str, Any]) -> list[RenderableType]:
     ]
     if answer["hold_out"] is not None:
         shown.append(_residuals("on the held-out recordings", answer["hold_out"], answer["hold_out_relative_error"]))
+    if others := answer.get("leave_one_out"):
+        each = ", ".join(f"{name} {error:.2f} %" for name, error in others.items())
+        shown.append(f"each recording predicted from the others: {each}")
     return shown
 
 

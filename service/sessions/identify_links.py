@@ -28,7 +28,7 @@ class IdentifyLinksArguments(BaseModel):
     hold_out_motions: tuple[str, ...] = ()
     mode: Mode = "csp"
     controller: SessionController = "pd"
-    estimator: EstimatorName = "weighted"
+    estimator: EstimatorName = "optimal_filter"
     band_hz: float | None = None
 
 
