@@ -11,6 +11,7 @@ from virtual_hw.drive.power_stage import Arm, PowerStage
 
 _POWER_UP_NS = 100_000_000
 """The drives are switched on this long before the clock starts: their boot-up messages are over by then."""
+LONGEST_PIECE_NS = 300_000
 
 
 class Rig:
@@ -61,12 +62,15 @@ class Rig:
         self.now_ns = t_ns
 
     def next_event_ns(self) -> int:
-        """When `advance` is to be called next: at the servo tick, or before it when a bus has carried what it has."""
+        """When `advance` is to be called next: at the servo tick, or before it when a bus has carried what it has.
+
+        Hosts are told frames then, as a CAN adapter tells them in packets; a bus that stays busy is told in pieces.
+        """
         due = self._next_tick_ns
         for bus in self.buses:
             quiet = bus.quiet_ns()
-            if quiet is not None and quiet < due:
-                due = quiet
+            if quiet is not None:
+                due = min(due, quiet, self.now_ns + LONGEST_PIECE_NS)
         return due
 
     def _servo_tick(self, now_ns: int) -> None:

@@ -13,10 +13,6 @@ from virtual_hw.rig import Rig
 _STALL_NS = 250_000_000
 """A longer standstill of this process is taken out of the arm's time, not caught up."""
 
-LONGEST_WAIT_S = 300e-6
-"""Frames are told when their bus falls quiet, as a CAN adapter tells them in packets; one that never falls quiet is
-told in pieces of this length. The arm and its buses keep their own exact time."""
-
 
 class WallClock:
     """Turns real time and frames of the hosts into traffic."""
@@ -55,4 +51,4 @@ class WallClock:
 
     def seconds_to_next_event(self) -> float:
         due_ns = self._rig.next_event_ns() + self._lag_ns
-        return min(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9), LONGEST_WAIT_S)
+        return max(0.0, (due_ns - time.monotonic_ns()) * 1e-9)
