@@ -118,14 +118,12 @@ def _fitted(
     for trajectory in loaded:
         if trajectory.q.shape[1] != body.n:
             raise InputError(trajectory.name, f"has {trajectory.q.shape[1]} joints, the arm has {body.n}")
-    believed = Prior(body.prior()) if np.all(body.prior().reshape(-1, 10)[:, 0] > 0.0) else None
-    links = identify_links(body, free, LinkOptions(band_hz=band_hz), prior=believed)
-    unknown = len(links.value)
-    layout = LoadLayout(tuple(range(body.n)), KINDS, body.joints, 10 + unknown)
+    links = free_arm(body, free, band_hz)
+    layout = LoadLayout(tuple(range(body.n)), KINDS, body.joints, 10 + len(links.value))
     twins = [free_twin(trajectory, free) for trajectory in loaded]
     sums = Sums()
     for number, (trajectory, twin) in enumerate(zip(loaded, twins, strict=True)):
-        for _, columns, samples in _rows(body, frame, links, trajectory, twin):
+        for _, columns, samples in difference_rows(body, frame, links, trajectory, twin):
             sums.add(columns, number, np.array([c.any(axis=0).astype(float) for c in columns]))
             sums.samples += samples
     if sums.rows < _LEAST_ROWS:
@@ -134,14 +132,7 @@ def _fitted(
             f"have {sums.rows} rows of gapless loaded motion at {links.band:.3g} Hz, {_LEAST_ROWS} are needed",
             "record longer motion without gaps",
         )
-    covariance = np.where(np.isfinite(links.covariance), links.covariance, 0.0)
-    untold = ~np.isfinite(np.diag(links.covariance))
-    covariance[untold, untold] = _UNTOLD**2
-    floor = 1e-12 * float(np.diag(covariance).max())
-    rows = np.zeros((unknown, layout.size))
-    rows[:, 10 : 10 + unknown] = np.eye(unknown)
-    known = Believed(rows, np.zeros(unknown), covariance + floor * np.eye(unknown))
-    fit = fit_load(layout, sums, [known])
+    fit = fit_load(layout, sums, [believed_of_model(links, layout, 10)])
     return TorqueLoad(
         load=RigidLoad(fit.value[:10], fit.covariance[:10, :10]),
         fit=fit,
@@ -152,10 +143,28 @@ def _fitted(
         rows=sums.rows,
         paired=tuple(None if twin is None else twin.name for twin in twins),
         histories=tuple(
-            _difference(layout, fit, list(_rows(body, frame, links, trajectory, twin)))
+            _difference(layout, fit, list(difference_rows(body, frame, links, trajectory, twin)))
             for trajectory, twin in zip(loaded, twins, strict=True)
         ),
     )
+
+
+def free_arm(body: RigidBody, free: Sequence[Trajectory], band_hz: float | None) -> LinkIdentification:
+    """The model of the free arm, near the URDF's bodies where the free recordings do not tell."""
+    believed = Prior(body.prior()) if np.all(body.prior().reshape(-1, 10)[:, 0] > 0.0) else None
+    return identify_links(body, free, LinkOptions(band_hz=band_hz), prior=believed)
+
+
+def believed_of_model(links: LinkIdentification, layout: LoadLayout, first: int) -> Believed:
+    """That the model is right but for the errors of its identification: unknowns from ``first`` on."""
+    unknown = len(links.value)
+    covariance = np.where(np.isfinite(links.covariance), links.covariance, 0.0)
+    untold = ~np.isfinite(np.diag(links.covariance))
+    covariance[untold, untold] = _UNTOLD**2
+    floor = 1e-12 * float(np.diag(covariance).max())
+    rows = np.zeros((unknown, layout.size))
+    rows[:, first : first + unknown] = np.eye(unknown)
+    return Believed(rows, np.zeros(unknown), covariance + floor * np.eye(unknown))
 
 
 def _difference(layout: LoadLayout, fit: LoadFit, pieces: list[tuple[Array, list[Array], int]]) -> TorqueDifference:
@@ -171,10 +180,11 @@ def _difference(layout: LoadLayout, fit: LoadFit, pieces: list[tuple[Array, list
     return TorqueDifference(np.concatenate(t), np.vstack(measured), np.vstack(predicted))
 
 
-def _rows(
+def difference_rows(
     body: RigidBody, frame: str, links: LinkIdentification, trajectory: Trajectory, twin: FreeTwin | None
 ) -> Iterator[tuple[Array, list[Array], int]]:
-    """Times, rows of each joint [load | error of the model | change of friction | torque], samples behind them."""
+    """Of each gapless stretch of a loaded recording: times, rows of each joint [load's ten | error of the free arm's
+    model | `KINDS` | torque beyond the free arm's], zero where the joint stands, and the samples behind them."""
     plan = plan_filter(trajectory.rate, links.band, stride_limit=1)
     decimate = Decimator(plan.decimation)
     both = trajectory if twin is None else twin.covered(trajectory)

@@ -9,6 +9,7 @@ import typer
 
 from service.cli import (
     asking,
+    calibrating,
     checking,
     demonstrating,
     diagnosing,
@@ -40,6 +41,7 @@ app.command("reset")(asking.reset)
 app.command("run")(asking.run)
 identifying.app.command("load")(identifying_load.load)
 app.add_typer(identifying.app, name="identify")
+app.add_typer(calibrating.app, name="calibrate")
 app.command("diagnose")(diagnosing.diagnose)
 app.add_typer(models.app, name="model")
 app.command("certify")(practising.certify)
