@@ -25,7 +25,7 @@ INSTANTS = 16
 """Instants of the motion at which the arm is linearised."""
 INTERVAL_COLUMNS = 350
 """Size of the finite-interval matrix: samples × joints after thinning."""
-MOTION_ENERGY = 0.999
+MOTION_ENERGY = 0.995
 """Share of the wanted acceleration's energy that lies below the motion's band."""
 LARGEST_GAIN = 0.95
 """A gain this near to 1 shrinks nothing any more."""

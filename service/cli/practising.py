@@ -1,7 +1,8 @@
-"""Commands that practise: `certify`, `practise`, and `compare-controllers`."""
+"""Commands that practise: `certify`, `practise`, `retime`, and `compare-controllers`."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
@@ -89,6 +90,39 @@ def practise(
     }
     answer = conduct(arm, "practise", asked)
     publish(answer, json, *practice_report(answer))
+
+
+def retime(
+    motion: MotionArgument,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Motion file (TOML) to write; its path beside it.")
+    ],
+    arm: ArmOption = None,
+    model: ModelOption = None,
+    angle_error: Annotated[
+        float, typer.Option("--angle-error", metavar="RAD", help="Largest tracking error that was measured.", min=0.0)
+    ] = 2e-3,
+    speed_error: Annotated[
+        float, typer.Option("--speed-error", metavar="RAD/S", help="The same of the velocities.", min=0.0)
+    ] = 0.02,
+    json: JsonOption = None,
+) -> None:
+    """The same path as fast as the arm can: by the model, within the torque that tracking leaves free."""
+    from config import InputError, load_installation
+    from service.practice.retimed import retimed_motion
+
+    if out.suffix != ".toml":
+        raise InputError("--out", f"{out} is no motion file", "name it something.toml")
+    installation = load_installation(arm_to_start(arm))
+    answer = retimed_motion(motion, model, (angle_error, speed_error), installation, out.absolute())
+    shares = answer["largest_share_of_torque_limit"]
+    publish(
+        answer,
+        json,
+        f"{motion}: {answer['duration_s']:.3f} s in place of {answer['duration_before_s']:.3f} s",
+        "largest share of the torque limit: " + ", ".join(f"{name} {100 * x:.0f} %" for name, x in shares.items()),
+        answer["retimed"],
+    )
 
 
 def compare_controllers(

@@ -16,8 +16,8 @@ from service.models.model_file import arm_model
 from service.models.store import named_model
 
 Array = NDArray[np.float64]
-MOMENTARY = ("viscous_friction", "coulomb_friction", "rotor_inertia", "joint_spring")
-"""Effects without memory: those that a linearisation at separate instants may ask."""
+MOMENTARY = ("viscous_friction", "rotor_inertia", "joint_spring")
+"""Effects that a linearisation at separate instants may ask: others look at the samples before and after."""
 
 
 @dataclass(frozen=True)

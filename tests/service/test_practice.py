@@ -145,6 +145,19 @@ def test_trials_are_found_and_lags_identified() -> None:
         trial_of(replace(recording, q_d=commanded[:1500]), reference, 2, "run")
 
 
+def test_a_motion_is_re_timed_to_the_arms_limits(house: Any, tmp_path: Path) -> None:
+    fast, target = tmp_path / "fast.toml", tmp_path / "answer.json"
+    assert run(["retime", "dda-practice", "--arm", "dda", "--out", str(fast), "--json", str(target)]) == outcomes.DONE
+    answer = json.loads(target.read_text())
+    assert answer["duration_s"] < 0.8 * answer["duration_before_s"]
+    assert max(answer["largest_share_of_torque_limit"].values()) < 1.0
+    # What it wrote is a motion of this arm, and practice may begin with it.
+    assert run(["certify", str(fast), "--arm", "dda"]) == outcomes.DONE
+    assert (
+        run(["retime", "dda-practice", "--arm", "dda", "--out", str(fast), "--angle-error", "9"]) == outcomes.BAD_INPUT
+    )
+
+
 def test_controllers_of_appendix_a() -> None:
     from config.motion import load_motion, sample
 
