@@ -38,6 +38,9 @@ class Backlash(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint, gap = self.joint(place), float(theta[0])
         inertia = float(np.mean(signals.sensitivity[2][:, joint, joint]))
+        if inertia <= 0.0:
+            # A model without bodies says nothing of how a gap is crossed.
+            return np.zeros((signals.samples, signals.body.n, 1))
         ahead = play(signals.tau_rigid[:, joint] / inertia, signals.period, gap)
         return -signals.by_angle_error(joint, ahead / gap)[:, :, None]
 

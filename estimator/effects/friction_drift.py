@@ -36,23 +36,24 @@ class FrictionDrift(JointEffect):
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         sign = signals.direction(self.joint(place), float(theta[1]))
-        return np.stack([sign * np.exp(-signals.t / theta[0]), sign], axis=1)[:, None, :]
+        left = np.exp(-signals.t / theta[0])
+        return np.stack([sign * left, sign * (1.0 - left)], axis=1)[:, None, :]
 
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
-        return np.array([-np.inf, 0.0]), np.full(2, np.inf)
+        return self.nonnegative(2)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        change, final = map(float, coefficients)
-        return {"initial": final + change, "final": final, "time_constant": float(theta[0])}
+        initial, final = map(float, coefficients)
+        return {"initial": initial, "final": final, "time_constant": float(theta[0])}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         initial, final, time = (float(parameters[name]) for name in self.units)
-        return np.array([time, SHARP]), np.array([initial - final, final])
+        return np.array([time, SHARP]), np.array([initial, final])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        (time, _), (change, final) = self.unknowns(place, parameters)
+        (time, _), (initial, final) = self.unknowns(place, parameters)
         plant.friction[self.joint(place)] += final
-        plant.rubbing.append((self.joint(place), lambda at: change * math.exp(-at.t / time)))
+        plant.rubbing.append((self.joint(place), lambda at: (initial - final) * math.exp(-at.t / time)))
 
 
 EFFECT = FrictionDrift()

@@ -76,7 +76,7 @@ class CompiledPlant:
 
 
 def compile_plant(draft: PlantDraft, timestep: float) -> CompiledPlant:
-    """A plant ready to be simulated. Raises InputError when MuJoCo refuses it."""
+    """A plant ready to be simulated. Raises InputError when MuJoCo refuses it, or a joint moves no mass."""
     spec = plant_spec(draft)
     spec.option.timestep = timestep
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
@@ -89,6 +89,11 @@ def compile_plant(draft: PlantDraft, timestep: float) -> CompiledPlant:
         joint.solimp_limit = HARD
     model = _compiled(spec)
     names = draft.body.joints
+    weightless = [n for n, own in zip(names, inertia_about_joints(draft) + draft.armature, strict=True) if own <= LOOSE]
+    if weightless:
+        raise InputError(
+            "model", f"nothing that joint {weightless[0]} moves has a mass", "give inertial elements, or identify first"
+        )
     motor = np.array([model.joint(name).dofadr[0] for name in names])
     lent = model.dof_armature[motor] - draft.gain * draft.armature
     link = np.array(
@@ -112,12 +117,18 @@ def possible_bodies(draft: PlantDraft) -> Array:
     empty = ~links.any(axis=1)
     if np.all(is_consistent(draft.parameters) | empty):
         return draft.parameters
-    if empty.any():
-        raise InputError("model", "has links without mass beside links that no body can be", "give all links a mass")
     base = base_parameters(draft.body)
     beta = base.combination @ draft.parameters
     error = RELATIVE_ERROR * (np.abs(beta) + 1e-3 * np.abs(beta).max())
-    return nearest_consistent(base, beta, np.diag(error**2), draft.parameters).parameters
+    # Links that no body can be are pulled towards balls instead of towards themselves.
+    anchors = np.where((links[:, 0] > 0.0)[:, None], links, _ball(max(float(links[:, 0].max()), 1.0)))
+    return nearest_consistent(base, beta, np.diag(error**2), anchors.ravel()).parameters
+
+
+def _ball(mass: float) -> Array:
+    """(10,) of a ball of 10 cm about the frame's origin."""
+    inertia = 0.4 * mass * 0.1**2
+    return np.array([mass, 0.0, 0.0, 0.0, inertia, 0.0, 0.0, inertia, 0.0, inertia])
 
 
 def inertia_about_joints(draft: PlantDraft) -> Array:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from config import InputError
 from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
@@ -19,6 +22,7 @@ from service.identification.read import ReadRecordings, read_recordings
 from service.models.model_file import model_file, write_model
 from service.models.store import keep_model, next_version
 
+Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 MODEL = "model.toml"
 
@@ -72,21 +76,28 @@ def _kept_model(directory: Path, extended: ArmModel, result: Diagnosis, read: Re
     return {"model": str(directory / MODEL), "model_name": f"{arm}@{file.version}"}
 
 
-def _simulated(given: ArmModel, extended: ArmModel, read: ReadRecordings, notes: list[str]) -> dict[str, Any] | None:
+def _simulated(given: ArmModel, extended: ArmModel, read: ReadRecordings, notes: list[str]) -> dict[str, Any]:
     """Of what was held out, where there is some. A model that MuJoCo cannot simulate is a note, not an end."""
     learnt = len(read.trajectories)
     trajectories = read.hold_out or read.trajectories
     recordings = read.recordings[learnt:] if read.hold_out else read.recordings[:learnt]
-    try:
-        replayed = replay_both(given, extended, recordings, trajectories)
-    except InputError as error:
-        notes.append(f"not simulated: {error}")
-        return None
-    by_joint = zip(read.body.joints, replayed.before_joints, replayed.after_joints, strict=True)
+    replayed = replay_both(given, extended, recordings, trajectories)
+    notes += replayed.notes
     return {
-        "position_before_rms": replayed.before,
-        "position_after_rms": replayed.after,
-        "joints": {joint: {"before_rms": float(a), "after_rms": float(b)} for joint, a, b in by_joint},
+        "position_before_rms": _rms(replayed.before),
+        "position_after_rms": _rms(replayed.after),
+        "joints": {
+            joint: {"before_rms": _of(replayed.before, k), "after_rms": _of(replayed.after, k)}
+            for k, joint in enumerate(read.body.joints)
+        },
         "controller": replayed.controller,
         "seconds": replayed.seconds,
     }
+
+
+def _rms(joints: Array | None) -> float | None:
+    return None if joints is None else float(np.sqrt(np.mean(joints**2)))
+
+
+def _of(joints: Array | None, k: int) -> float | None:
+    return None if joints is None else float(joints[k])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from config import InputError
 from driver.recording import Recording
 from estimator.arm_model import ArmModel
 from estimator.rigid_body import RigidBody
@@ -32,42 +33,44 @@ CYCLES_TO_ACT = 2.0
 
 @dataclass(frozen=True)
 class Replayed:
-    """Position error of the replay with the model as given and as extended: rms over all joints, and (n,) of each."""
+    """Position error (n,) rms of the replay with the model as given and as extended; None where that model cannot be
+    simulated, and a note why."""
 
-    before: float
-    after: float
-    before_joints: Array
-    after_joints: Array
+    before: Array | None
+    after: Array | None
     controller: str
     seconds: float
+    notes: tuple[str, ...]
 
 
 def replay_both(
     given: ArmModel, extended: ArmModel, recordings: Sequence[Recording], trajectories: Sequence[Trajectory]
 ) -> Replayed:
-    """Replay the recordings under the controller that made them. Raises InputError when a model cannot be simulated."""
-    squares: list[list[Array]] = [[], []]
-    seconds, controllers = 0.0, []
+    """Replay the recordings under the controller that made them."""
+    parts: list[tuple[Trajectory, Tracking]] = []
+    seconds = 0.0
     for recording, trajectory in zip(recordings, trajectories, strict=True):
         count = int(np.searchsorted(trajectory.t - trajectory.t[0], LONGEST - seconds, side="right"))
         if seconds > 0.0 and count < len(trajectory.t):
             break
         part = first(trajectory, count)
-        controller = controller_of(recording, trajectory, given.body)
-        controllers.append(controller.kind)
+        controller = controller_of(recording, trajectory, extended.body)
         cut = replace(controller, q=controller.q[:count], dq=controller.dq[:count], tau=controller.tau[:count])
-        for model, errors in zip((given, extended), squares, strict=True):
-            errors.append((replay(model, part, cut).q - part.q) ** 2)
+        parts.append((part, cut))
         seconds += float(part.t[-1] - part.t[0])
-    before, after = (np.sqrt(np.nanmean(np.concatenate(errors), axis=0)) for errors in squares)
-    return Replayed(
-        before=float(np.sqrt(np.mean(before**2))),
-        after=float(np.sqrt(np.mean(after**2))),
-        before_joints=before,
-        after_joints=after,
-        controller="; ".join(dict.fromkeys(controllers)),
-        seconds=seconds,
-    )
+    notes: list[str] = []
+    before, after = (_error(model, name, parts, notes) for model, name in ((given, "given"), (extended, "extended")))
+    kinds = "; ".join(dict.fromkeys(controller.kind for _, controller in parts))
+    return Replayed(before, after, kinds, seconds, tuple(notes))
+
+
+def _error(model: ArmModel, name: str, parts: Sequence[tuple[Trajectory, Tracking]], notes: list[str]) -> Array | None:
+    try:
+        squares = [(replay(model, part, controller).q - part.q) ** 2 for part, controller in parts]
+    except InputError as error:
+        notes.append(f"the {name} model is not simulated: {error}")
+        return None
+    return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares), axis=0)))
 
 
 def first(trajectory: Trajectory, count: int) -> Trajectory:

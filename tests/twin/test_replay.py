@@ -118,3 +118,18 @@ def test_a_motion_that_runs_away_is_an_input_error(wheel: RigidBody) -> None:
     wild = Tracking("wild", servo.q, servo.dq, servo.tau, -servo.stiffness * 1e6, -servo.damping * 1e6)
     with pytest.raises(InputError, match="runs away"):
         replay(ArmModel(wheel), recorded, wild)
+
+
+def test_an_arm_without_masses_is_refused(wheel: RigidBody) -> None:
+    recorded, servo = held_at(0.0, 1.0)
+    with pytest.raises(InputError, match="joint axle moves has a mass"):
+        replay(ArmModel(wheel.with_parameters(np.zeros(10))), recorded, servo)
+
+
+def test_parameters_that_no_body_has_are_simulated_by_their_base_parameters(wheel: RigidBody) -> None:
+    """Of a wheel on a vertical axis only Izz acts: a negative mass changes nothing."""
+    impossible = wheel.prior()
+    impossible[0], impossible[4] = -3.0, -1.0
+    recorded, servo = held_at(0.0, 1.0)
+    found = replay(ArmModel(wheel.with_parameters(impossible)), recorded, servo)
+    np.testing.assert_allclose(found.q[:, 0], released(found.t, INERTIA, DAMPING), atol=5e-3)
