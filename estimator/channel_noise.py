@@ -143,12 +143,13 @@ def _separated(
     most = disagreement / omega**2
     angle = np.minimum(noise, most)
     for joint in range(angle.shape[1]):
-        lowest = len(frequency) - 1
-        while lowest > 0 and believed[lowest - 1, joint]:
-            lowest -= 1
-        top = angle[lowest, joint] if believed[lowest, joint] else most[lowest, joint]
-        angle[:lowest, joint] = np.minimum(top, most[:lowest, joint])
-        angle[lowest, joint] = top
+        last, hidden = np.inf, False
+        for k in reversed(range(len(frequency))):
+            if believed[k, joint] and not hidden:
+                last = float(angle[k, joint])
+            else:
+                hidden = hidden or np.isfinite(last)
+                angle[k, joint] = min(last, float(most[k, joint]))
     velocity = np.maximum(disagreement - omega**2 * angle, _LEAST_SHARE * disagreement)
     return ChannelNoise(frequency, angle, velocity)
 

@@ -21,6 +21,7 @@ RUNS = 60
         (0.9, 2e-3, "whitened"),
         (0.0, None, "weighted"),
         (0.0, 2e-2, "instrumental_variables"),
+        (0.9, 5e-2, "optimal_filter"),
     ],
 )
 def test_intervals_hold_the_truth(
