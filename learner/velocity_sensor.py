@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from learner.trial import Reference, Trial
 
 Array = NDArray[np.float64]
-SIGNIFICANT = 3.0
-"""Standard errors from which on a gain or offset is believed."""
+FALSE_ALARM = 1e-3
+"""Probability that a gain or offset is believed where there is none."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ def calibrate(replays: Sequence[Trial], reference: Reference) -> VelocityCalibra
     is needed: q[k] − q[0] = gain⁻¹·∫(dq − offset)dt.
     """
     n, h = reference.n, reference.period
+    significant = float(student.isf(FALSE_ALARM / 2.0, len(replays) - 1))
     gain, offset = np.ones(n), np.zeros(n)
     t = np.arange(reference.samples) * h
     for joint in range(n):
@@ -49,8 +51,8 @@ def calibrate(replays: Sequence[Trial], reference: Reference) -> VelocityCalibra
             gone.append(np.concatenate([[0.0], np.cumsum((dq[1:] + dq[:-1]) * h / 2.0)]))
         found = np.array([np.linalg.lstsq(c, g, rcond=None)[0][:2] for c, g in zip(columns, gone, strict=True)])
         mean, error = found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(len(found))
-        if np.ptp(reference.q[:, joint]) > 0.0 and abs(mean[0] - 1.0) > SIGNIFICANT * error[0]:
+        if np.ptp(reference.q[:, joint]) > 0.0 and abs(mean[0] - 1.0) > significant * error[0]:
             gain[joint] = mean[0]
-        if abs(mean[1]) > SIGNIFICANT * error[1]:
+        if abs(mean[1]) > significant * error[1]:
             offset[joint] = mean[1]
     return VelocityCalibration(gain, offset)
