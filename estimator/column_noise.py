@@ -21,7 +21,7 @@ from estimator.trajectory import Trajectory, part_of
 
 Array = NDArray[np.float64]
 
-_ENOUGH = 30.0
+_ENOUGH = 20.0
 """s of recordings to draw on; shorter ones are drawn on several times."""
 _MOST_DRAWS = 4
 _LEAST_INFORMATION = 0.05

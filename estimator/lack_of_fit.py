@@ -23,7 +23,7 @@ from estimator.trajectory import Trajectory, part_of
 
 Array = NDArray[np.float64]
 
-_ENOUGH, _LEAST = 240.0, 24.0
+_ENOUGH, _LEAST = 60.0, 6.0
 """s of all recordings, and of each at least, in which repeats are looked for."""
 _LEAST_ROWS = 8
 
