@@ -38,8 +38,8 @@ class Judgement:
         outcomes: of each cause that the catalogue has.
         wrong: causes that were named and are not there.
         outside_flagged: of a scenario with an outside cause, whether it was said that something has no name.
-        gain: share of the explainable that the finder's model explains of the held-out motion.
-        oracle_gain: the same of the model that was told the causes; None where nobody was asked.
+        gain: share of the explainable that the finder's model explains of the held-out motion. The truth itself
+            explains all of it, so this is the gain beside that of an oracle who knows cause and parameters.
         sentence: truth and answer, for a reader.
     """
 
@@ -51,7 +51,6 @@ class Judgement:
     outside_flagged: bool | None
     parameters: tuple[ParameterError, ...]
     gain: float | None
-    oracle_gain: float | None
     seconds: float
     sentence: str
 
@@ -79,13 +78,8 @@ class Judgement:
         return max((cause.size for cause in self.truth.causes), default=0.0)
 
 
-def judge(
-    truth: Truth, answer: Mapping[str, Any], seconds: float, oracle: Mapping[str, Any] | None = None
-) -> Judgement:
-    """Hold the finder's ``answer`` (as `diagnose --json` gives it) against the truth.
-
-    ``oracle`` is the answer of the same finder when it is told the causes.
-    """
+def judge(truth: Truth, answer: Mapping[str, Any], seconds: float) -> Judgement:
+    """Hold the finder's ``answer`` (as `diagnose --json` gives it) against the truth."""
     findings: Sequence[Mapping[str, Any]] = answer["findings"]
     inside = [cause for cause in truth.causes if cause.answers]
     outside = [cause for cause in truth.causes if not cause.answers]
@@ -106,7 +100,6 @@ def judge(
         outside_flagged=bool(answer["verdict"] == "unknown" or answer["unexplained"]) if outside else None,
         parameters=tuple(error for cause in inside for error in _parameter_errors(cause, findings)),
         gain=_gain(answer),
-        oracle_gain=None if oracle is None else _gain(oracle),
         seconds=seconds,
         sentence=f"{_told_truth(truth)} → {_told_answer(answer)}",
     )

@@ -91,14 +91,12 @@ def _median(name: str, values: Sequence[float], goal: float | None = None) -> Ca
 
 
 def _gain(judged: Iterable[Judgement]) -> CampaignFigure:
-    """What was gained of what was to be gained, over the scenarios where the oracle gained anything worth having."""
-    shares = [
-        j.gain / j.oracle_gain
-        for j in judged
-        if j.gain is not None and j.oracle_gain is not None and j.oracle_gain > 0.05 and not j.outside
-    ]
+    """Over the scenarios whose causes the catalogue has."""
+    shares = [j.gain for j in judged if j.gain is not None and j.truth.causes and not j.outside]
     value = float(np.mean(shares)) if shares else float("nan")
-    return CampaignFigure("held-out gain, share of the oracle's, mean", value, len(shares), None, 0.9)
+    return CampaignFigure(
+        "held-out gain, share of an oracle's who knows the truth, mean", value, len(shares), None, 0.9
+    )
 
 
 def mistaken(judged: Iterable[Judgement]) -> list[tuple[str, str, int]]:
