@@ -18,6 +18,8 @@ from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]
 
+_CURVE = 6000
+"""Points of a law's curve that are kept."""
 _EDGE = 12
 """Rows at either end of a stretch whose decimation reaches beyond the data."""
 _UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "tau": "N·m", "t": "s"}
@@ -33,7 +35,8 @@ class Signature:
         channel, channel_unit: what ``measured`` and ``law`` are.
         x: (rows,)
         measured: (rows,) the residual with everything else that was found taken off.
-        law: (rows,) what the finding's law says of it.
+        law: (rows,) what the finding's law says of it, filtered as the rows are.
+        curve_x, curve: (points,) the law itself, before the rows' filter rounds its corners.
     """
 
     quantity: str
@@ -43,6 +46,8 @@ class Signature:
     x: Array
     measured: Array
     law: Array
+    curve_x: Array
+    curve: Array
 
 
 @dataclass(frozen=True)
@@ -129,10 +134,20 @@ class _Rows:
         columns = self.design.candidates[candidate].columns
         return np.asarray(refined.value[columns] @ self.channels[channel][self.design.position[channel, columns]])
 
+    def values(self, name: str) -> Array:
+        """(samples, joints) of a quantity, before the rows' filter."""
+        return self.signals.tau_rigid if name == "tau" else np.asarray(getattr(self.signals, name))
+
+    def curve(self, refined: Refined, number: int, channel: int) -> Array:
+        """(samples,) what a candidate adds to a channel, before the rows' filter."""
+        candidate = self.design.candidates[number]
+        hypothesis = self.design.hypotheses[candidate.hypothesis]
+        columns = hypothesis.effect.columns(hypothesis.place, self.signals, candidate.theta)
+        return np.asarray(columns[:, candidate.channels.index(channel)] @ refined.coefficients(number))
+
     def quantity(self, name: str, joint: int) -> Array:
         """(rows,) of one joint, filtered as the rows are."""
-        values = self.signals.tau_rigid if name == "tau" else getattr(self.signals, name)
-        whole = Decimator(self.decimation)(values[:, joint][None])[0]
+        whole = Decimator(self.decimation)(self.values(name)[:, joint][None])[0]
         edge = (len(whole) - len(self.t)) // 2
         # The decimating kernel keeps the power of white noise, not the mean: its gain at rest is taken off again.
         gain = Decimator(self.decimation)(np.ones((1, self.signals.samples)))[0]
@@ -153,10 +168,15 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
     unit = "N·m" if where.equation == "torque" else "rad/s"
     against = hypothesis.effect.seen_against
     joint = hypothesis.place.joint
-    if against == "t":
-        x = np.concatenate([r.t for r in rows])
-        return Signature(_WORDS["t"], _UNITS["t"], said, unit, x, measured, law)
-    if against == "law" or joint is None:
-        return Signature("what the finding predicts", unit, said, unit, law, measured, law)
-    x = np.concatenate([r.quantity(against, joint) for r in rows])
-    return Signature(f"{_WORDS[against]} of {names[joint]}", _UNITS[against], said, unit, x, measured, law)
+    if against == "law" or (joint is None and against != "t"):
+        return Signature("what the finding predicts", unit, said, unit, law, measured, law, law, law)
+    curve = np.concatenate([r.curve(refined, number, channel) for r in rows])
+    if joint is None or against == "t":
+        x, whole = (np.concatenate(parts) for parts in ([r.t for r in rows], [r.signals.t for r in rows]))
+        quantity = _WORDS["t"]
+    else:
+        x = np.concatenate([r.quantity(against, joint) for r in rows])
+        whole = np.concatenate([r.values(against)[:, joint] for r in rows])
+        quantity = f"{_WORDS[against]} of {names[joint]}"
+    few = slice(None, None, max(1, len(whole) // _CURVE))
+    return Signature(quantity, _UNITS[against], said, unit, x, measured, law, whole[few], curve[few])

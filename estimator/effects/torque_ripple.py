@@ -22,7 +22,6 @@ class TorqueRipple(JointEffect):
     name = "torque_ripple"
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
     confused_with = ("cogging",)
-    seen_against = "q"
     experiment = "sweep {joint} slowly through its range, under two loads"
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -20,9 +20,10 @@ def save_traces(path: Path, traces: Traces) -> None:
     arrays = {name: getattr(traces, name).astype(np.float32) for name in _ARRAYS}
     words = []
     for number, signature in enumerate(traces.signatures):
-        *said, x, measured, law = astuple(signature)
+        *said, x, measured, law, curve_x, curve = astuple(signature)
         words.append(said)
         arrays[f"signature_{number}"] = np.array([x, measured, law], dtype=np.float32)
+        arrays[f"curve_{number}"] = np.array([curve_x, curve], dtype=np.float32)
     labels = json.dumps({"recording": traces.recording, "signatures": words})
     try:
         with path.open("wb") as file:
@@ -38,7 +39,7 @@ def load_traces(path: Path) -> Traces:
             labels = json.loads(str(kept["labels"]))
             t, before, after, noise = (kept[name].astype(np.float64) for name in _ARRAYS)
             signatures = tuple(
-                Signature(*words, *kept[f"signature_{number}"].astype(np.float64))
+                Signature(*words, *kept[f"signature_{number}"].astype(float), *kept[f"curve_{number}"].astype(float))
                 for number, words in enumerate(labels["signatures"])
             )
             return Traces(labels["recording"], t, before, after, noise, signatures)

@@ -31,7 +31,7 @@ def signature_figure(number: int, signature: Signature) -> Html:
     cloud = (signature.x[::step], signature.measured[::step])
     axis.plot(*cloud, ".", color="#9aa8ba", ms=3.0, alpha=0.5, rasterized=True, label="measured, less the rest")
     axis.plot(*binned(signature.x, signature.measured), "o", color=INK, ms=3.6, label="its mean", zorder=3)
-    axis.plot(*binned(signature.x, signature.law), color=ACCENT, lw=2.2, label="the law", zorder=4)
+    axis.plot(*binned(signature.curve_x, signature.curve), color=ACCENT, lw=2.2, label="the law", zorder=4)
     low, high = np.quantile(signature.measured, [0.005, 0.995])
     room = 0.12 * max(high - low, 1e-12)
     axis.set_ylim(low - room, high + room)

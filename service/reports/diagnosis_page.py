@@ -136,7 +136,7 @@ def _gain(answer: Answer) -> Html:
     simulation = answer["gain"]["simulation"]
     if simulation:
         rows.append([element("b", "simulated position"), f"{figure(simulation['position_before_rms'])} rad",
-                     f"{figure(simulation['position_after_rms'])} rad", "", "twin replaying the commands"])  # fmt: skip
+                     f"{figure(simulation['position_after_rms'])} rad", "", "the twin with the recorded commands"])  # fmt: skip
     headings = ["joint", "before [N·m rms]", "after", "noise", "red: what is left; black mark: the noise"]
     return section("What it gains", table(headings, rows, numbers=(1, 2, 3)))
 

@@ -60,7 +60,7 @@ def traces() -> Traces:
     law = 1.5 * np.tanh(dq / 0.05)
     noise = 0.1 * rng.standard_normal((600, 2))
     before = noise + np.stack([np.zeros(600), law], axis=1)
-    signature = Signature("speed of elbow", "rad/s", "torque of elbow", "N·m", dq, law + noise[:, 1], law)
+    signature = Signature("speed of elbow", "rad/s", "torque of elbow", "N·m", dq, law + noise[:, 1], law, dq, law)
     return Traces(0, t, before, noise, np.array([0.1, 0.1]), (signature,))
 
 
