@@ -135,8 +135,8 @@ def _gain(answer: Answer) -> Html:
                  f"{_percent(held_out['share_of_explainable'])} of the explainable"])  # fmt: skip
     simulation = answer["gain"]["simulation"]
     if simulation:
-        rows.append([element("b", "simulated position"), f"{figure(simulation['position_before_rms'])} rad",
-                     f"{figure(simulation['position_after_rms'])} rad", "", "the twin with the recorded commands"])  # fmt: skip
+        off = [f"{figure(simulation[key])} rad" for key in ("position_before_rms", "position_after_rms")]
+        rows.append([element("b", "simulated position"), *off, "", "the twin with the recorded commands"])
     headings = ["joint", "before [N·m rms]", "after", "noise", "red: what is left; black mark: the noise"]
     return section("What it gains", table(headings, rows, numbers=(1, 2, 3)))
 
