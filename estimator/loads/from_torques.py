@@ -40,6 +40,8 @@ KINDS = ("offset", "viscous", "coulomb")
 """By what a joint's friction may differ with the load on."""
 _COULOMB_WIDTH = 0.03
 """Of the sigmoid, as a share of the joint's rms speed."""
+_SLOWEST = 0.2
+"""Share of the fastest joint's rms speed below which a joint's own is not believed: noise of its encoder."""
 _STANDS = 2.0
 """Widths of the sigmoid below which a joint counts as standing: it may then hold by friction, and its torque says
 nothing."""
@@ -189,7 +191,7 @@ def difference_rows(
     decimate = Decimator(plan.decimation)
     both = trajectory if twin is None else twin.covered(trajectory)
     speed = np.sqrt(np.nanmean(np.gradient(trajectory.q, trajectory.t, axis=0) ** 2, axis=0))
-    width = _COULOMB_WIDTH * np.maximum(speed, 1e-3 * speed.max())
+    width = _COULOMB_WIDTH * np.maximum(speed, _SLOWEST * speed.max())
     for piece in both.segments(CHUNK, 2 * plan.edge):
         if len(piece) < 2 * plan.edge + 4 * plan.decimation:
             continue

@@ -29,7 +29,7 @@ from estimator.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _TOLD = 0.2
-"""Standard error of a gain above which the load hardly reaches the joint."""
+"""Relative standard error of a gain above which the load hardly reaches the joint."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def torque_gains(
         if np.isfinite(s) and s > 0.0:
             gain = float(1.0 / s)
             error = float(gain * np.hypot(np.sqrt(v) * gain, weighed))
-        if not error < _TOLD:
+        if not error < _TOLD * gain:
             gain, error = float("nan"), float("inf")
         result.append(TorqueGain(joint, gain, error, float(np.sqrt(p / count))))
     return result

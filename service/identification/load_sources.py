@@ -15,7 +15,8 @@ from estimator.loads import LoadRecording, RigidLoad, Tare, align_wrench, tare
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
-from service.identification.recorded import Source, read_any, source_of
+from service.identification.examined import examined
+from service.identification.recorded import Source, read_any, source_of, trajectory_of
 from service.identification.request import LoadRequest
 
 Array = NDArray[np.float64]
@@ -121,6 +122,26 @@ def with_wrench(read: LoadSources, number: int) -> LoadRecording:
         return aligned
     first = min(r.start_ns for r in read.recordings)
     return replace(aligned, session_start=(recording.start_ns - first) / _NANOSECONDS)
+
+
+def with_torques(read: LoadSources, loaded: int) -> tuple[list[Trajectory], list[Trajectory], list[str]]:
+    """The first ``loaded`` recordings and the free ones with their torques, examined; and what is doubtful about them.
+
+    Raises InputError for a recording without torques, of joints that the others lack, or not of this arm in SI units.
+    """
+    known = read.recordings[0].joints
+    trajectories = []
+    for recording, source in zip(read.recordings, read.sources, strict=True):
+        if strange := [joint for joint in recording.joints if joint not in known]:
+            raise InputError(
+                source.path,
+                f"has joint {', '.join(strange)}, which {read.sources[0].path} lacks",
+                "give loaded and free recordings of the same joints",
+            )
+        trajectories.append(trajectory_of(recording, read.body, source.path))
+    with_load, doubts = examined(read.body, trajectories[:loaded])
+    free, doubts_of_free = examined(read.body, trajectories[loaded:])
+    return with_load, free, [*doubts, *(doubt for doubt in doubts_of_free if doubt not in doubts)]
 
 
 def tare_of(read: LoadSources, number: int, hand: RigidLoad | None) -> Tare:

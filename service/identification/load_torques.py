@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from config import InputError
 from estimator.loads import RigidLoad
 from estimator.loads.entries import load_entries, load_warnings
 from estimator.loads.from_torques import TorqueLoad, load_from_torques
-from service.identification.load_sources import LoadSources
-from service.identification.recorded import trajectory_of
+from service.identification.load_sources import LoadSources, with_torques
 from service.identification.request import LoadRequest
 from service.reports.load_plot import plot_torque_difference
 
@@ -28,26 +26,15 @@ class TorqueOutcome:
 
 def from_torques(request: LoadRequest, read: LoadSources) -> TorqueOutcome:
     """Raises InputError for a recording without torques, or of other joints."""
-    count = len(request.recordings)
-    trajectories = [
-        trajectory_of(recording, read.body, source.path)
-        for recording, source in zip(read.recordings, read.sources, strict=True)
-    ]
-    for recording, source in zip(read.recordings, read.sources, strict=True):
-        if strange := [joint for joint in recording.joints if joint not in read.recordings[0].joints]:
-            raise InputError(
-                source.path,
-                f"has joint {', '.join(strange)}, which {read.sources[0].path} lacks",
-                "give loaded and free recordings of the same joints",
-            )
-    found = load_from_torques(read.body, read.frame, trajectories[:count], trajectories[count:], request.band_hz)
+    loaded, free, doubts = with_torques(read, len(request.recordings))
+    found = load_from_torques(read.body, read.frame, loaded, free, request.band_hz)
     plot = request.directory / "torques.png"
     title = f"{read.arm.name}: torques of the load in {Path(read.sources[0].path).stem}"
     plot_torque_difference(plot, title, read.body.joints, found.histories[0])
-    return TorqueOutcome(found.load, {**_answer(found, read), "plot": str(plot)})
+    return TorqueOutcome(found.load, {**_answer(found, read, doubts), "plot": str(plot)})
 
 
-def _answer(found: TorqueLoad, read: LoadSources) -> dict[str, Any]:
+def _answer(found: TorqueLoad, read: LoadSources, doubts: list[str]) -> dict[str, Any]:
     rms, power = np.sqrt(found.fit.autocovariance[:, 0]), np.sqrt(found.fit.power)
     return {
         **load_entries(found.load, held=False),
@@ -67,6 +54,6 @@ def _answer(found: TorqueLoad, read: LoadSources) -> dict[str, Any]:
         "band_hz": found.band,
         "form": "differentiated",
         "status": "identified" if np.isfinite(found.load.parameters).all() else "too little motion",
-        "warnings": [*found.warnings, *load_warnings(found.load), UNTESTED],
+        "warnings": [*doubts, *found.warnings, *load_warnings(found.load), UNTESTED],
         "hold_out": None,
     }

@@ -11,8 +11,7 @@ from config import InputError
 from estimator.loads import LoadOptions, identify_load
 from estimator.loads.entries import entry
 from estimator.loads.torque_constant import TorqueGain, torque_gains
-from service.identification.load_sources import LoadSources, read_load_sources, with_wrench
-from service.identification.recorded import trajectory_of
+from service.identification.load_sources import LoadSources, read_load_sources, with_torques, with_wrench
 from service.identification.request import LoadRequest
 
 Tell = Callable[[str, float], None]
@@ -36,23 +35,23 @@ def calibrate(request: LoadRequest, tell: Tell = lambda stage, share: None) -> d
     )
     weighed = identify_load(read.body, read.frame, [with_wrench(read, k) for k in range(count)], options=options)
     tell("comparing the torques", 0.6)
-    trajectories = [
-        trajectory_of(recording, read.body, source.path)
-        for recording, source in zip(read.recordings, read.sources, strict=True)
-    ]
-    gains = torque_gains(
-        read.body, read.frame, weighed.load, trajectories[:count], trajectories[count:], request.band_hz
-    )
+    with_load, free, doubts = with_torques(read, count)
+    gains = torque_gains(read.body, read.frame, weighed.load, with_load, free, request.band_hz)
     tell("done", 1.0)
     untold = [g.joint for g in gains if not np.isfinite(g.gain)]
     warnings = [f"the load hardly reaches {', '.join(untold)}: move it there, or take a heavier one"] if untold else []
+    if count == 1:
+        warnings.append(
+            "one motion alone may confuse a gain with what friction does under load, which the errors do not hold: "
+            "give several, slow poses among them"
+        )
     return {
         "arm": read.arm.name,
         "joints": {g.joint: _entry(g, read) for g in gains},
         "load": {"mass": entry(weighed.load.mass, "kg", held=weighed.rigid.verdict == "not rigid")},
         "status": "calibrated" if len(untold) < len(gains) else "too little torque",
         "notes": list(read.notes),
-        "warnings": [*weighed.all_warnings, *warnings],
+        "warnings": [*doubts, *weighed.all_warnings, *warnings],
     }
 
 

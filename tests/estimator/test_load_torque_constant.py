@@ -30,9 +30,11 @@ def measured(body: RigidBody, motion: tuple[Array, ...], seed: int, load: bool) 
         rigid[:3, :3], rigid[:3, 3] = place.rotation, place.translation
         moved = parameters_of(rigid @ pseudo_inertia(LOAD.parameters) @ rigid.T)
         psi[10 * place.joint : 10 * place.joint + 10] += moved
-    noise = 0.1 * np.random.default_rng(seed).normal(size=q.shape)
+    random = np.random.default_rng(seed)
+    noise = 0.1 * random.normal(size=q.shape)
     true = inverse_dynamics(body, psi, q, dq, ddq) + 1.5 * np.tanh(dq / 0.01)
-    return Trajectory(t, q, true / GAINS + noise, dq, name=f"recording {seed}")
+    seen = q + 3e-5 * random.normal(size=q.shape)
+    return Trajectory(t, seen, true / GAINS + noise, name=f"recording {seed}")
 
 
 def test_gains_come_back_with_their_errors(dda: RigidBody, make_periodic: Any) -> None:
