@@ -10,7 +10,7 @@ import typer
 from config import InputError
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, AttachedOption, JsonOption, new_directory
+from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_ask, new_directory
 from service.identification.request import EstimatorName, LinksRequest, as_paths
 
 app = typer.Typer(help="Identify inertial parameters.", no_args_is_help=True, rich_markup_mode=None)
@@ -49,6 +49,9 @@ def links(
     motion: Annotated[
         list[str] | None, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat.")
     ] = None,
+    design: Annotated[
+        bool, typer.Option("--design", help="Design the motion that tells the most, and play it in place of a list.")
+    ] = False,
     estimator: EstimatorOption = "optimal_filter",
     band_hz: Annotated[
         float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
@@ -63,7 +66,9 @@ def links(
 ) -> None:
     """Identify the links, from recordings or by moving the arm."""
     if recordings:
-        unfit = [name for name, given in (("--motion", motion), ("--attached", attached)) if given]
+        unfit = [
+            name for name, given in (("--motion", motion), ("--design", design), ("--attached", attached)) if given
+        ]
         if unfit:
             raise InputError(
                 unfit[0], "is for identifying by moving the arm", "leave it out, or leave the recordings out"
@@ -73,8 +78,10 @@ def links(
         unfit = [name for name, given in (("--hold-out", hold_out), ("--hold", hold), ("--out", out)) if given]
         if unfit:
             raise InputError(unfit[0], "is for identifying from recordings", "give recordings to learn from")
+        if design and motion:
+            raise InputError("--design", "makes the motion itself", "leave --motion out, or --design")
         asked = {
-            "motions": [motion_reference(m) for m in motion or []],
+            "motions": [_designed(arm)] if design else [motion_reference(m) for m in motion or []],
             "mode": mode,
             "controller": controller,
             "estimator": estimator,
@@ -87,6 +94,20 @@ def links(
     for note in [*answer["notes"], *answer["warnings"]]:
         say(f"etude: {note}")
     publish(answer, json, *link_report(answer))
+
+
+def _designed(arm: str | None) -> str:
+    """The file of a motion designed for the arm whose daemon is asked."""
+    from config import load_installation
+    from service.identification.designed_motion import design_motion
+
+    installation = load_installation(arm if arm is not None else arm_to_ask(arm))
+    directory = new_directory("design")
+    directory.mkdir(parents=True)
+    say(f"designing a motion for {installation.arm.name} …")
+    report = design_motion(installation, directory / f"{installation.arm.name}-designed.toml")
+    say(report.sentence)
+    return str(report.path)
 
 
 def _from_recordings(
