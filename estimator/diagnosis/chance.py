@@ -71,14 +71,14 @@ def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
 def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
     """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns."""
     design: Design = model.design
-    rank = design.base.rank
-    deviation = np.linalg.solve(np.linalg.cholesky(design.precision).T, random.standard_normal((rank, DRAWS)))
+    given = design.given
+    deviation = np.linalg.solve(np.linalg.cholesky(design.precision).T, random.standard_normal((given, DRAWS)))
     products = np.zeros((design.size, DRAWS))
     for channel, gram in enumerate(model.block.grams):
         members, weight = design.members[channel], model.weights[channel]
         values, vectors = np.linalg.eigh(gram[:-1, :-1])
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
-        reached = design.reached[channel]
-        products[members] += weight * gram[:-1, : len(reached)] @ deviation[reached]
+        own = members[members < given]
+        products[members] += weight * gram[:-1, : len(own)] @ deviation[own]
     return np.asarray(products - model.cross.T @ model.solve(products[model.active]))

@@ -59,7 +59,7 @@ class Conditional:
 
     def __init__(self, design: Design, block: Block, weights: Array, active: Indices) -> None:
         self.design, self.block, self.weights, self.active = design, block, weights, active
-        size, rank = design.size, design.base.rank
+        size, given = design.size, design.given
         self.cross, self.right = np.zeros((len(active), size)), np.zeros(size)
         for channel, gram in enumerate(block.grams):
             members, place = design.members[channel], design.position[channel][active]
@@ -67,7 +67,7 @@ class Conditional:
             self.cross[np.ix_(enters, members)] += weights[channel] * gram[place[enters], :-1]
             self.right[members] += weights[channel] * gram[:-1, -1]
         matrix = self.cross[:, active]
-        matrix[:rank, :rank] += design.precision
+        matrix[:given, :given] += design.precision
         scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
         normal = matrix / np.outer(scale, scale) + _RIDGE * np.eye(len(active))
         factor = cho_factor(normal)

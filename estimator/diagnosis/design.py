@@ -46,7 +46,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Design:
-    """Unknowns: deviations of the base parameters from the given model's, then every candidate's coefficients."""
+    """Unknowns: what the given model is allowed to be off by (deviations of its base parameters, and each channel's
+    timing within a part of a sample), then every candidate's coefficients."""
 
     body: RigidBody
     base: BaseParameters
@@ -54,18 +55,25 @@ class Design:
     hypotheses: tuple[Hypothesis, ...]
     candidates: tuple[Candidate, ...]
     precision: Array
-    """(rank, rank) inverse covariance of the base parameters' deviations: the given model's tolerance."""
+    """(given, given) inverse covariance of the deviations that are allowed: the given model's tolerance."""
     reached: tuple[Indices, ...]
     """For each channel the base parameters that enter it."""
 
+    @property
+    def given(self) -> int:
+        """Unknowns of the given model: base parameters, then one timing a channel, s."""
+        return self.base.rank + len(self.channels)
+
     @cached_property
     def size(self) -> int:
-        return self.base.rank + sum(len(candidate.columns) for candidate in self.candidates)
+        return self.given + sum(len(candidate.columns) for candidate in self.candidates)
 
     @cached_property
     def members(self) -> tuple[Indices, ...]:
         """For each channel the unknowns that enter it, ascending."""
-        own: list[list[Indices]] = [[base] for base in self.reached]
+        own: list[list[Indices]] = [
+            [np.append(base, self.base.rank + channel)] for channel, base in enumerate(self.reached)
+        ]
         for candidate in self.candidates:
             for channel in candidate.channels:
                 own[channel].append(candidate.columns)
@@ -81,7 +89,7 @@ class Design:
 
     def with_candidates(self, candidates: Sequence[Candidate]) -> Design:
         """The same arm with other candidates, their columns numbered anew."""
-        place, renumbered = self.base.rank, []
+        place, renumbered = self.given, []
         for c in candidates:
             columns = np.arange(place, place + len(c.columns))
             renumbered.append(Candidate(c.hypothesis, c.theta, columns, c.channels, c.lower, c.upper))
@@ -146,11 +154,14 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
 def _columns(design: Design, signals: Signals) -> list[list[Array]]:
     kept, sign = np.array(design.base.kept), design.base.sign
     parts: list[list[Array]] = []
+    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq}
     for channel, reached in zip(design.channels, design.reached, strict=True):
+        # A channel that is late by δ reads x(t) − δ·dx/dt.
+        timing = -slope[channel.equation][:, [channel.index]].T
         if channel.equation == "torque":
-            parts.append([(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T])
+            parts.append([(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T, timing])
         else:
-            parts.append([np.zeros((0, signals.samples))])
+            parts.append([timing])
     for candidate in design.candidates:
         hypothesis = design.hypotheses[candidate.hypothesis]
         values = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)

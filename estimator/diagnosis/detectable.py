@@ -26,6 +26,8 @@ def smallest_detectable(search: Search, chosen: list[int]) -> dict[str, dict[int
             if visible <= 1e-9 * max(energy[k, 0], 1e-6 * strongest[_effect(search, number)]):
                 continue
             hypothesis = design.hypotheses[candidate.hypothesis]
+            if search.is_map[candidate.hypothesis]:
+                continue
             size = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
             if size is None:
                 continue

@@ -15,7 +15,7 @@ from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
-from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.search import FALSE_ALARM, Cause, Search
 from estimator.diagnosis.torques import left_out_power, plain_blocks, residual_power, torque_channels
 from estimator.diagnosis.traces import Traces, traces
 from estimator.rigid_body import RigidBody
@@ -29,7 +29,7 @@ _SHOWN = 5
 """Alternatives that an answer lists."""
 _SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained."""
-_WORTH_TELLING = 0.25
+_WORTH_TELLING = 0.12
 """Of the explainable: a smaller share that is left does not make the verdict unknown."""
 
 
@@ -51,7 +51,7 @@ def diagnose(
     chosen = [cause.candidate for cause in causes]
     refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
     findings = tuple(_finding(search, refined, number, cause, causes) for number, cause in enumerate(causes))
-    unexplained = _unexplained(evidence, search, refined)
+    unexplained = _unexplained(evidence, search, refined, chosen)
     return Diagnosis(
         joints=body.joints,
         verdict=_verdict(findings, unexplained),
@@ -73,7 +73,8 @@ def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes
     near = tuple(
         Alternative((h := _of(search, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives[:_SHOWN]
     )
-    ambiguous = any(a.log_likelihood_gap < AMBIGUOUS for a in near)
+    within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
+    ambiguous = bool(within)
     fitted = refined.design.candidates[number]
     others = [c.candidate for c in causes if c is not cause]
     channels = list(fitted.channels)
@@ -89,7 +90,7 @@ def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes
         log_likelihood_gain=cause.gain,
         false_alarm_probability=cause.false_alarm,
         share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),
-        alternatives=near,
+        alternatives=within or near,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
     )
@@ -103,20 +104,33 @@ def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
     return hypothesis.effect.experiment_at(hypothesis.place, body)
 
 
-def _unexplained(evidence: Evidence, search: Search, refined: Refined) -> dict[int, Unexplained]:
-    """Torques whose residual is beyond the noise, by the whitened residual's mean square."""
+def _unexplained(evidence: Evidence, search: Search, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
+    """Torques whose residual is beyond the noise: as a whole, or as a function of one quantity."""
     rows = search.total.rows
     before = search.model([]).squares() / rows
     after = refined.model.squares() / rows
     freedom = evidence.noise.degrees_of_freedom or np.inf
     error = np.sqrt(2.0 / rows + 2.0 / freedom)
+    maps = search.ranked(chosen, maps=True)
     result = {}
     for channel in torque_channels(evidence.design):
-        if after[channel] < 1.0 + _SIGNIFICANT * error:
-            continue
-        share = (after[channel] - 1.0) / max(before[channel] - 1.0, after[channel] - 1.0)
-        result[evidence.grid.channels[channel].index] = Unexplained(float(share), "repeats, by no law of the catalogue")
+        joint = evidence.grid.channels[channel].index
+        explainable = max(before[channel] - 1.0, after[channel] - 1.0, error)
+        own = [(k, gain, net) for k, gain, net in maps if _of(search, k).place.joint == joint]
+        candidate, gain, net = own[0]
+        told = net > 0.0 and search.chance.false_alarm(int(search.owner[candidate]), gain) < FALSE_ALARM
+        share = max(after[channel] - 1.0, 2.0 * gain / (search.weights[channel] * rows) if told else 0.0) / explainable
+        if told or after[channel] > 1.0 + _SIGNIFICANT * error:
+            result[joint] = Unexplained(
+                float(min(share, 1.0)), _signature(search, candidate) if told else "of no single quantity"
+            )
     return result
+
+
+def _signature(search: Search, candidate: int) -> str:
+    hypothesis = _of(search, candidate)
+    whose = "" if hypothesis.place.other is None else f" of joint {search.design.body.joints[hypothesis.place.other]}"
+    return hypothesis.effect.name.replace("map of", "a function of") + whose
 
 
 def _verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:

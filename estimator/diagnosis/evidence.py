@@ -11,18 +11,23 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.grains import counts, repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, sum_up
-from estimator.diagnosis.noise import Noise, assumed_noise
+from estimator.diagnosis.maps import map_places
+from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.stretches import Grid, Stretch, channels_of, rows_band, stretches
-from estimator.diagnosis.tolerance import base_precision
+from estimator.diagnosis.tolerance import given_precision
 from estimator.effects import Scales, catalogue
+from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_EXACT = 5e-4
+"""Of a channel's rms: time stamps, interpolation and the model's own arithmetic are no more exact than this."""
 _RECORDINGS_A_FOLD = 4
 """From so many recordings on, whole recordings are left out; else blocks of neighbouring rows."""
 
@@ -47,20 +52,24 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
 
     Raises InputError when no recording has a gapless stretch that is long enough.
     """
-    grid = Grid(rows_band(trajectories), channels_of(body, trajectories))
+    grid = Grid(rows_band(trajectories), channels_of(body, trajectories), counts(trajectories))
     pieces = cut(body, grid, trajectories)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     repeats = find_repeats(trajectories)
     base = base_parameters(body)
     hypotheses = [Hypothesis(effect, place) for effect in catalogue().values() for place in effect.places(body)]
+    hypotheses += [Hypothesis(map_, place) for map_, place in map_places(body.n)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
-    precision = base_precision(body, base, tolerance)
+    rate = min(trajectory.rate for trajectory in trajectories)
+    precision = given_precision(body, base, tolerance, len(grid.channels), rate)
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
-    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])))
+    unseen = _unseen(grid, pieces, decimations, repeated_share(grid.count, repeats))
+    unseen[:, 0] += _played_again(grid, trajectories, repeats)
+    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
     if noise is None:
         plain = Noise.none(len(grid.channels))
         noise = assumed_noise(
-            [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)]
+            [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)], unseen
         )
     blocks = sum_up(design, pieces, decimations, noise)
     if not blocks:
@@ -71,6 +80,27 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     whole = len(set(recordings)) >= _RECORDINGS_A_FOLD
     folds = recordings if whole else list(range(len(blocks)))
     return Evidence(design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds))
+
+
+def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup]) -> Array:
+    """(channels,) variance of the rows' white error that recurs in all playings."""
+    rate = min(trajectory.rate for trajectory in trajectories)
+    torque = repeated_white(trajectories, repeats, [trajectory.tau for trajectory in trajectories], grid.band)
+    speed = repeated_white(trajectories, repeats, [trajectory.dq for trajectory in trajectories], grid.band)
+    white = {"torque": torque, "velocity": speed}
+    return np.array([white[channel.equation][channel.index] for channel in grid.channels]) * 2.0 * grid.band / rate
+
+
+def _unseen(grid: Grid, pieces: Sequence[Stretch], decimations: Sequence[int], share: Array) -> Array:
+    """(channels, ORDER + 1) autocovariance of the rows' errors that repeats do not show: rounding of the angles that
+    recurs, and what nothing is computed more exactly than."""
+    rounded = [Decimator(d)(piece.rounding.T).T for piece, d in zip(pieces, decimations, strict=True)]
+    covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
+    for k, channel in enumerate(grid.channels):
+        whole = [p.signals.torque if channel.equation == "torque" else p.signals.dq for p in pieces]
+        power = np.mean(np.concatenate(whole)[:, channel.index] ** 2)
+        covariance[k, 0] += _EXACT**2 * power
+    return np.asarray(covariance)
 
 
 def cut(body: RigidBody, grid: Grid, trajectories: Sequence[Trajectory]) -> list[Stretch]:

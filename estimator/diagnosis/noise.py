@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -44,7 +43,13 @@ class Noise:
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
-        return np.asarray(lfilter(self.filters[channel], [1.0], rows, axis=-1)[..., ORDER:])
+        count = rows.shape[-1] - ORDER
+        taps = self.filters[channel]
+        result = taps[0] * rows[..., ORDER:]
+        for lag in range(1, ORDER + 1):
+            if taps[lag] != 0.0:
+                result += taps[lag] * rows[..., ORDER - lag : ORDER - lag + count]
+        return np.asarray(result)
 
 
 def autoregressive(autocovariance: Array, rows: float) -> Array:
@@ -65,12 +70,13 @@ def autoregressive(autocovariance: Array, rows: float) -> Array:
     return result
 
 
-def assumed_noise(stretches: Sequence[Sequence[Array]]) -> Noise:
+def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
     """Without repeats: what the richest linear model leaves, widened.
 
     ``stretches`` hold for each channel (columns + 1, rows), the residual last. The model takes the principal directions
     of all hypotheses' columns, as many as a third of the rows: it swallows the effects, and some of the noise, which is
-    what the widening is for.
+    what the widening is for. ``unseen`` (channels, ORDER + 1) is the autocovariance of errors that the model may have
+    swallowed too.
     """
     left: list[list[Array]] = [[] for _ in stretches]
     freedom = np.inf
@@ -87,7 +93,7 @@ def assumed_noise(stretches: Sequence[Sequence[Array]]) -> Noise:
         edges = np.cumsum([stretch[channel].shape[1] for stretch in stretches])[:-1]
         for own, part in zip(left, np.split(residual, edges), strict=True):
             own.append(part)
-    covariance = _WIDENED**2 * autocovariance([np.array(own).T for own in left])
+    covariance = _WIDENED**2 * autocovariance([np.array(own).T for own in left]) + unseen
     return Noise(
         filters=np.array([autoregressive(row, freedom) for row in covariance]),
         rms=np.sqrt(covariance[:, 0]),

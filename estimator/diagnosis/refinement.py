@@ -30,7 +30,7 @@ class Refined:
     design: Design
     """With the chosen candidates alone, at their refined theta."""
     value: Array
-    """(rank + coefficients,) base deviations, then each candidate's coefficients."""
+    """(given + coefficients,) the given model's deviations, then each candidate's coefficients."""
     covariance: Array
     """(size + thetas, size + thetas): of ``value``, then each candidate's theta."""
     model: Conditional
@@ -72,7 +72,7 @@ def refine(
     for _ in range(_ITERATIONS):
         stepped = [*trial, *_neighbours(trial, spans)]
         wide, block = pass_over(stepped)
-        size = design.base.rank + sum(len(c.columns) for c in trial)
+        size = design.given + sum(len(c.columns) for c in trial)
         model = Conditional(wide, block, weights, np.arange(size))
         gain = 0.5 * float(model.right[:size] @ model.value)
         if gain < best + _ENOUGH and np.isfinite(best):
@@ -87,7 +87,7 @@ def refine(
             break
         trial = _moved(candidates, step, spans)
     wide, block = pass_over([*candidates, *_neighbours(candidates, spans)])
-    size = design.base.rank + sum(len(c.columns) for c in candidates)
+    size = design.given + sum(len(c.columns) for c in candidates)
     whole = Conditional(wide, block, weights, np.arange(size))
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)

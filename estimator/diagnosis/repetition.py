@@ -65,8 +65,9 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
     return result
 
 
-def repeated_noise(rows: Sequence[Array]) -> Noise | None:
-    """Noise from the playings' deviations from their mean; None where repeats are too short to tell."""
+def repeated_noise(rows: Sequence[Array], unseen: Array) -> Noise | None:
+    """Noise from the playings' deviations from their mean, and ``unseen`` (channels, ORDER + 1), the autocovariance of
+    errors that they have in common; None where repeats are too short to tell."""
     if not rows:
         return None
     deviations = [
@@ -75,7 +76,7 @@ def repeated_noise(rows: Sequence[Array]) -> Noise | None:
     freedom = sum((len(stack) - 1) * stack.shape[1] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
-    covariance = autocovariance(deviations)
+    covariance = autocovariance(deviations) + unseen
     return Noise(
         filters=np.array([autoregressive(row, freedom) for row in covariance]),
         rms=np.sqrt(covariance[:, 0]),

@@ -13,6 +13,7 @@ from estimator.diagnosis.chance import Chance, resample
 from estimator.diagnosis.conditional import Conditional, groups_of
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, less, total
+from estimator.diagnosis.maps import Map
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
 _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""
+_TOLD_APART = 0.01
+"""Of a candidate's columns' energy, what the causes already chosen must leave: a canonical correlation of 0.995."""
 _MOST_CAUSES_A_JOINT = 4
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
@@ -58,6 +61,7 @@ class Search:
         self.folds = np.array(folds)
         self.groups = groups_of(design)
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
+        self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
         self.weights = np.ones(len(design.channels))
         self.chance: Chance = resample(self.model([]), self.groups)
         self._training: dict[int, Block] = {}
@@ -65,7 +69,7 @@ class Search:
     def model(self, chosen: Sequence[int], block: Block | None = None) -> Conditional:
         """The given model with these candidates, fitted at the present weights."""
         columns = [self.design.candidates[k].columns for k in chosen]
-        active = np.concatenate([np.arange(self.design.base.rank), *columns]).astype(np.intp)
+        active = np.concatenate([np.arange(self.design.given), *columns]).astype(np.intp)
         return Conditional(self.design, block or self.total, self.weights, active)
 
     def excess(self, chosen: Sequence[int]) -> Array:
@@ -78,8 +82,14 @@ class Search:
         self.weights = 1.0 / np.maximum(1.0, self.excess(chosen))
 
     def size(self, candidate: int) -> int:
-        """Unknowns of a candidate."""
-        return len(self.design.candidates[candidate].columns) + len(self.design.candidates[candidate].theta)
+        """Physical parameters of a candidate: what only shapes its columns, such as the width of a sign, is no freedom
+        that could stand for another cause."""
+        own = self.design.candidates[candidate]
+        if self.is_map[own.hypothesis]:
+            return len(own.columns)
+        neutral = self.design.hypotheses[own.hypothesis]
+        told = neutral.effect.parameters(neutral.place, own.theta, np.ones(len(own.columns)))
+        return min(len(own.columns) + len(own.theta), sum(np.size(value) for value in told.values()))
 
     def penalty(self, chosen: Sequence[int]) -> float:
         """Nats that a model's freedom costs (Bayesian information criterion)."""
@@ -92,13 +102,13 @@ class Search:
         explained = float(0.5 * (model.right[model.active] @ model.value))
         return explained - self.penalty(chosen)
 
-    def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
-        """Best candidate of every other hypothesis, its gain and its gain less penalty, the best first."""
+    def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
+        """Best candidate of every other effect (or of every map), its gain and its gain less penalty, best first."""
         gains, _ = self.model(chosen).gains(self.groups)
         taken = {self.owner[k] for k in chosen}
         best: dict[int, int] = {}
         for k in np.argsort(-gains):
-            if self.owner[k] not in taken and np.isfinite(gains[k]):
+            if self.owner[k] not in taken and self.is_map[self.owner[k]] == maps and np.isfinite(gains[k]):
                 best.setdefault(int(self.owner[k]), int(k))
         rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
         return sorted(rows, key=lambda row: -row[2])
@@ -112,7 +122,7 @@ class Search:
             grown = self._step(chosen)
             if grown is None:
                 break
-            chosen = self._pruned(self._simplified(grown))
+            chosen = self._pruned(self._merged(self._simplified(grown)))
             self.reweigh(chosen)
         chosen = self._pruned(self._swapped(chosen))
         return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
@@ -139,13 +149,34 @@ class Search:
     def _step(self, chosen: list[int]) -> list[int] | None:
         """One more cause, or None when none is supported."""
         for candidate, gain, supported in self.ranked(chosen)[:_TRIED]:
-            if supported <= 0.0 or not self._matters(candidate, chosen):
+            if supported <= 0.0 or not self._matters(candidate, chosen) or not self._apart(candidate, chosen):
                 continue
             if self.chance.false_alarm(int(self.owner[candidate]), gain) > FALSE_ALARM:
                 continue
             if self.held_out(candidate, chosen) > _HELD_OUT:
                 return [*chosen, candidate]
         return None
+
+    def _apart(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
+        design = self.design
+        group = groups_of(design, np.array([candidate]))[0]
+        alone, _ = self.model([]).remaining(group)
+        beside, _ = self.model(chosen).remaining(group)
+        diagonal = np.diagonal(alone[0])
+        told = diagonal > 0.0
+        if not np.any(np.diagonal(beside[0])[told] > _TOLD_APART * diagonal[told]):
+            return False
+        model = self.model([*chosen, candidate])
+        place = design.given
+        for k in [*chosen, candidate]:
+            own = design.candidates[k]
+            value = model.value[place : place + len(own.columns)]
+            slack = 2.0 * np.sqrt(np.diag(model.covariance)[place : place + len(own.columns)])
+            if np.any(value < own.lower - slack) or np.any(value > own.upper + slack):
+                return False
+            place += len(own.columns)
+        return True
 
     def _matters(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
@@ -185,6 +216,27 @@ class Search:
         if not same:
             return None
         return max(same, key=lambda k: self.support([*others, k]))
+
+    def _merged(self, chosen: list[int]) -> list[int]:
+        """One effect in place of several at the same joint, where that is better supported."""
+        joints = {self._joint(k) for k in chosen} - {None}
+        for joint in joints:
+            at = [k for k in chosen if self._joint(k) == joint]
+            if len(at) < 2:
+                continue
+            best, support = chosen, self.support(chosen)
+            for count in range(2, len(at) + 1):
+                for leaving in combinations(at, count):
+                    others = [k for k in chosen if k not in leaving]
+                    for candidate, _, _ in [row for row in self.ranked(others) if self._joint(row[0]) == joint][:3]:
+                        trial = [*others, candidate]
+                        if (value := self.support(trial)) > support:
+                            best, support = trial, value
+            chosen = best
+        return chosen
+
+    def _joint(self, candidate: int) -> int | None:
+        return self.design.hypotheses[self.design.candidates[candidate].hypothesis].place.joint
 
     def _pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous, the least supported first."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.grains import rounding
 from estimator.effects import Equation, Signals
 from estimator.filtering import FilterPlan, convolve, motion_band, plan_filter, resample, smooth_motion
 from estimator.regressor import inverse_dynamics
@@ -44,6 +45,8 @@ class Stretch:
     signals: Signals
     residual: Array
     """(samples, channels) measured less the given model's."""
+    rounding: Array
+    """(samples, channels) a realisation of what the rounding of the angles to counts adds to the residual."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class Grid:
     band: float
     """Hz: half-power edge of the rows."""
     channels: tuple[Channel, ...]
+    count: Array
+    """(n,) rad of one count of each encoder, 0 where there is none."""
 
     def decimation(self, period: float) -> int:
         """Samples of `Stretch.signals` a row."""
@@ -98,11 +103,18 @@ def _stretch(
     tau = smoothed(trajectory.tau)
     speed = None if trajectory.dq is None else smoothed(trajectory.dq)
     signals = Signals(body, times, q, dq, ddq, rigid, tau, speed)
-    residual = np.empty((len(q), len(grid.channels)))
+    # The same motion with its rounding errors twice: what they add.
+    smooth = motion.q
+    error = np.pad(rounding(smooth, grid.count, np.random.default_rng(0)), ((plan.edge, plan.edge), (0, 0)), "reflect")
+    twice = smooth_motion(plan, error, None, None)
+    more = q + twice.q[thin], dq + twice.dq[thin], ddq + twice.ddq[thin]
+    rigid_twice = inverse_dynamics(body, body.prior(), *more)
+    residual, rounded = np.empty((2, len(q), len(grid.channels)))
     for k, channel in enumerate(grid.channels):
+        j = channel.index
         if channel.equation == "torque":
-            residual[:, k] = tau[:, channel.index] - rigid[:, channel.index]
+            residual[:, k], rounded[:, k] = tau[:, j] - rigid[:, j], rigid[:, j] - rigid_twice[:, j]
         else:
             assert speed is not None
-            residual[:, k] = speed[:, channel.index] - dq[:, channel.index]
-    return Stretch(recording, signals, residual)
+            residual[:, k], rounded[:, k] = speed[:, j] - dq[:, j], dq[:, j] - more[1][:, j]
+    return Stretch(recording, signals, residual, rounded)

@@ -15,6 +15,21 @@ _UNTOLD = 1e3
 """Standard deviation of each parameter of a link that the model gives no mass (kg, kg·m, kg·m²)."""
 
 
+_TIMING = 0.25
+"""Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly …"""
+_LEAST_TIMING = 0.5e-3
+"""… nor below this, s."""
+
+
+def given_precision(body: RigidBody, base: BaseParameters, tolerance: float, channels: int, rate: float) -> Array:
+    """(rank + channels, …) inverse covariance of all that the given model may be off by; ``rate`` Hz of the slowest
+    recording."""
+    result = np.zeros((base.rank + channels, base.rank + channels))
+    result[: base.rank, : base.rank] = base_precision(body, base, tolerance)
+    result[base.rank :, base.rank :] = np.eye(channels) / max(_TIMING / rate, _LEAST_TIMING) ** 2
+    return result
+
+
 def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> Array:
     """(rank, rank) inverse covariance of the base parameters' deviations, every link's inertial parameters being right
     to a relative ``tolerance`` (standard deviation; see `estimator.consistency.prior_precision`).

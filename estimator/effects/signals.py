@@ -94,9 +94,11 @@ class Signals:
         for k in range(self.samples):
             pin.computeRNEADerivatives(model, data, configuration(self.q[k]), self.dq[k], self.ddq[k])
             result[0, k], result[1, k] = data.dtau_dq, data.dtau_dv
-            upper = np.triu(data.M)
-            result[2, k] = upper + np.triu(upper, 1).T
-        return result[0], result[1], result[2]
+            result[2, k] = data.M
+        # pinocchio fills the upper triangle of the mass matrix.
+        upper = np.triu(np.ones((n, n), dtype=bool))
+        inertia = np.where(upper, result[2], result[2].transpose(0, 2, 1))
+        return result[0], result[1], inertia
 
     def gravity_torque(self, gravity: Array) -> Array:
         """(samples, n) N·m that hold the given model against a gravity (3,) m/s² of the base's frame."""

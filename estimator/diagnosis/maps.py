@@ -1,0 +1,88 @@
+"""Maps: what a residual torque depends on when no law of the catalogue explains it.
+
+A map is any function of one quantity, straight between a few knots. It has no physical parameter; it tells where the
+unexplained lives.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects import JointEffect, Parameters, Place, Scales, Signals
+
+Array = NDArray[np.float64]
+
+_KNOTS = 8
+_REACH = 2.5
+"""rms speeds, accelerations, torques to which a map reaches."""
+
+
+class Map(JointEffect):
+    """Torque of a joint as a function of one quantity. ``quantity`` of another joint: ``place.other``."""
+
+    units: ClassVar = {}
+    experiment = "repeat the motion at another speed"
+
+    def __init__(self, quantity: str) -> None:
+        self.quantity = quantity
+        self.name = f"map of {quantity}"  # type: ignore[misc]
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        """theta is the knots, so that all recordings share them."""
+        joint = self.joint(place) if place.other is None else place.other
+        if self.quantity == "time":
+            return np.linspace(0.0, scales.duration, _KNOTS)[None]
+        if self.quantity in ("angle", "friction along the angle"):
+            return np.linspace(scales.q_low[joint], scales.q_high[joint], _KNOTS)[None]
+        rms = {"speed": scales.dq, "acceleration": scales.ddq, "torque": scales.tau}[self.quantity][joint]
+        return np.asarray(rms * np.linspace(-_REACH, _REACH, _KNOTS))[None]
+
+    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        joint = self.joint(place) if place.other is None else place.other
+        channel = {
+            "time": signals.t,
+            "angle": signals.q[:, joint],
+            "friction along the angle": signals.q[:, joint],
+            "speed": signals.dq[:, joint],
+            "acceleration": signals.ddq[:, joint],
+            "torque": signals.tau_rigid[:, joint],
+        }[self.quantity]
+        result = hats(channel, theta)
+        if self.quantity == "friction along the angle":
+            spread = np.sqrt(np.mean(signals.dq[:, joint] ** 2))
+            result *= signals.direction(joint, max(0.02 * float(spread), 1e-9))[:, None]
+        if self.quantity == "speed":
+            # A jump at rest, as all dry friction has.
+            result = np.column_stack([result, np.sign(channel)])
+        return result[:, None, :]
+
+    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
+        return {}
+
+    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
+        raise NotImplementedError("a map is no law")
+
+
+def hats(x: Array, knots: Array) -> Array:
+    """(samples, knots) weights of straight interpolation between knots; beyond the ends the end knots hold."""
+    return np.array([np.interp(x, knots, unit) for unit in np.eye(len(knots))]).T
+
+
+OWN = tuple(Map(q) for q in ("angle", "speed", "acceleration", "torque", "time", "friction along the angle"))
+OTHERS = tuple(Map(q) for q in ("angle", "speed"))
+
+
+def map_places(joints: int) -> list[tuple[Map, Place]]:
+    """All maps of an arm."""
+    own = [(m, Place(joint)) for joint in range(joints) for m in OWN]
+    others = [
+        (m, Place(joint, other=other))
+        for joint in range(joints)
+        for other in range(joints)
+        if abs(other - joint) == 1
+        for m in OTHERS
+    ]
+    return own + others
