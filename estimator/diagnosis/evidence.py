@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
-from estimator.diagnosis.grains import counts, repeated_share, repeated_white
+from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, sum_up
 from estimator.diagnosis.maps import map_places
 from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
-from estimator.diagnosis.stretches import Grid, Stretch, channels_of, rows_band, stretches
+from estimator.diagnosis.stretches import Grid, Stretch, make_grid, stretches
 from estimator.diagnosis.tolerance import given_precision
 from estimator.effects import Scales, catalogue
 from estimator.filtering import Decimator
@@ -52,7 +52,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
 
     Raises InputError when no recording has a gapless stretch that is long enough.
     """
-    grid = Grid(rows_band(trajectories), channels_of(body, trajectories), counts(trajectories))
+    grid = make_grid(body, trajectories)
     pieces = cut(body, grid, trajectories)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     repeats = find_repeats(trajectories)

@@ -24,7 +24,7 @@ _LEAST_SHARE = 0.04
 _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""
 _TOLD_APART = 0.01
-"""Of a candidate's columns' energy, what the causes already chosen must leave: a canonical correlation of 0.995."""
+"""Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _MOST_CAUSES_A_JOINT = 4
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
@@ -160,12 +160,7 @@ class Search:
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
         design = self.design
-        group = groups_of(design, np.array([candidate]))[0]
-        alone, _ = self.model([]).remaining(group)
-        beside, _ = self.model(chosen).remaining(group)
-        diagonal = np.diagonal(alone[0])
-        told = diagonal > 0.0
-        if not np.any(np.diagonal(beside[0])[told] > _TOLD_APART * diagonal[told]):
+        if any(self._alike(candidate, k) for k in chosen):
             return False
         model = self.model([*chosen, candidate])
         place = design.given
@@ -177,6 +172,20 @@ class Search:
                 return False
             place += len(own.columns)
         return True
+
+    def _alike(self, one: int, other: int) -> bool:
+        """Whether two candidates' columns span the same in these data: then one can only undo the other."""
+        first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
+        products = np.zeros((len(first) + len(second),) * 2)
+        for channel, gram in enumerate(self.total.grams):
+            place = self.design.position[channel][np.concatenate([first, second])]
+            enters = np.flatnonzero(place >= 0)
+            products[np.ix_(enters, enters)] += self.weights[channel] * gram[np.ix_(place[enters], place[enters])]
+        cross, others = products[: len(first), len(first) :], products[len(first) :, len(first) :]
+        explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
+        energy = np.diag(products)[: len(first)]
+        told = energy > 0.0
+        return bool(np.all(explained[told] > (1.0 - _TOLD_APART) * energy[told]))
 
     def _matters(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""

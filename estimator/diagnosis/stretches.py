@@ -8,9 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.grains import rounding
+from estimator.diagnosis.grains import counts, rounding
 from estimator.effects import Equation, Signals
-from estimator.filtering import FilterPlan, convolve, motion_band, plan_filter, resample, smooth_motion
+from estimator.filtering import (
+    FLAT_TO_BAND,
+    FilterPlan,
+    Motion,
+    convolve,
+    motion_band,
+    plan_filter,
+    resample,
+    smooth_motion,
+)
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
@@ -26,6 +35,9 @@ _WIDER = 5.0
 """The rows' band is this multiple of the motion's: the sign of a velocity, a ripple, a late channel act above it."""
 _LEAST_BAND, _WIDEST_BAND = 10.0, 25.0
 """Hz"""
+_CALM, _LEAST_CALM = 3.0, 2.0
+"""The motion from which columns are made: to this multiple of the motion's band, and at least to so many Hz. Noise of
+the angles in a column is the same noise as in the residual, and their product would be taken for evidence."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +70,21 @@ class Grid:
     channels: tuple[Channel, ...]
     count: Array
     """(n,) rad of one count of each encoder, 0 where there is none."""
+    motion: float
+    """Hz up to which the angles tell more than noise: hypotheses' columns are made from the motion below."""
 
     def decimation(self, period: float) -> int:
         """Samples of `Stretch.signals` a row."""
         return max(1, int(1.0 / (2.0 * self.band * period)))
 
 
-def rows_band(trajectories: Sequence[Trajectory]) -> float:
-    """Hz: the band in which these recordings are compared with the model."""
+def make_grid(body: RigidBody, trajectories: Sequence[Trajectory]) -> Grid:
+    """The bands in which these recordings are compared with the model."""
     slowest = min(trajectory.rate for trajectory in trajectories)
-    wanted = float(np.clip(_WIDER * motion_band(trajectories), _LEAST_BAND, _WIDEST_BAND))
-    return min(wanted, 0.12 * slowest)
+    moving = motion_band(trajectories)
+    band = min(float(np.clip(_WIDER * moving, _LEAST_BAND, _WIDEST_BAND)), 0.12 * slowest)
+    motion = float(np.clip(_CALM * moving, _LEAST_CALM, band))
+    return Grid(band, channels_of(body, trajectories), counts(trajectories), motion)
 
 
 def channels_of(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Channel, ...]:
@@ -96,13 +112,16 @@ def _stretch(
     def smoothed(channel: Array) -> Array:
         return convolve(resample(t, channel[piece], plan.rate), plan.smooth)[thin]
 
-    motion = smooth_motion(plan, resample(t, trajectory.q[piece], plan.rate), None, None)
+    measured = resample(t, trajectory.q[piece], plan.rate)
+    motion = smooth_motion(plan, measured, None, None)
     q, dq, ddq = motion.q[thin], motion.dq[thin], motion.ddq[thin]
     times = t[0] + (plan.edge + plan.stride * np.arange(len(q))) / plan.rate
     rigid = inverse_dynamics(body, body.prior(), q, dq, ddq)
     tau = smoothed(trajectory.tau)
     speed = None if trajectory.dq is None else smoothed(trajectory.dq)
-    signals = Signals(body, times, q, dq, ddq, rigid, tau, speed)
+    calm = _calm_motion(grid, plan, measured)
+    still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
+    signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), tau, speed)
     # The same motion with its rounding errors twice: what they add.
     smooth = motion.q
     error = np.pad(rounding(smooth, grid.count, np.random.default_rng(0)), ((plan.edge, plan.edge), (0, 0)), "reflect")
@@ -118,3 +137,14 @@ def _stretch(
             assert speed is not None
             residual[:, k], rounded[:, k] = speed[:, j] - dq[:, j], dq[:, j] - more[1][:, j]
     return Stretch(recording, signals, residual, rounded)
+
+
+def _calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
+    """The motion below `Grid.motion`, on the same samples; beyond its ends it is continued by odd reflection."""
+    calm = plan_filter(plan.rate, grid.motion / FLAT_TO_BAND)
+    more = min(calm.edge - plan.edge, len(measured) - 1)
+    if more <= 0:
+        return smooth_motion(plan, measured, None, None)
+    padded = np.pad(measured, ((more, more), (0, 0)), mode="reflect", reflect_type="odd")
+    lacking = calm.edge - plan.edge - more
+    return smooth_motion(calm, np.pad(padded, ((lacking, lacking), (0, 0)), mode="edge"), None, None)
