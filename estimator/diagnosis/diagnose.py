@@ -29,6 +29,8 @@ _SHOWN = 5
 """Alternatives that an answer lists."""
 _SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained."""
+_VISIBLE = 0.35
+"""Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 _WORTH_TELLING = 0.12
 """Of the explainable: a smaller share that is left does not make the verdict unknown."""
 
@@ -48,6 +50,7 @@ def diagnose(
     evidence = gather(body, trajectories, tolerance)
     search = Search(evidence.design, evidence.blocks, evidence.folds)
     causes = search.run()
+    causes = _explaining(search, causes)
     chosen = [cause.candidate for cause in causes]
     refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
     findings = tuple(_finding(search, refined, number, cause, causes) for number, cause in enumerate(causes))
@@ -65,6 +68,21 @@ def diagnose(
         band=evidence.grid.band,
         base_deviation=refined.value[: evidence.design.base.rank],
     )
+
+
+def _explaining(search: Search, causes: Sequence[Cause]) -> list[Cause]:
+    """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
+    true one, and its name would mislead."""
+    chosen = [cause.candidate for cause in causes]
+    left = np.maximum(search.excess(chosen) - 1.0, 0.0)
+    result = []
+    for cause in causes:
+        channels = list(search.design.candidates[cause.candidate].channels)
+        others = [k for k in chosen if k != cause.candidate]
+        explained = search.excess(others) - search.excess(chosen)
+        if np.any(explained[channels] > np.maximum(left[channels], 0.0) * (left[channels] > _VISIBLE)):
+            result.append(cause)
+    return result
 
 
 def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]) -> Finding:
@@ -120,7 +138,7 @@ def _unexplained(evidence: Evidence, search: Search, refined: Refined, chosen: l
         candidate, gain, net = own[0]
         told = net > 0.0 and search.chance.false_alarm(int(search.owner[candidate]), gain) < FALSE_ALARM
         share = max(after[channel] - 1.0, 2.0 * gain / (search.weights[channel] * rows) if told else 0.0) / explainable
-        if told or after[channel] > 1.0 + _SIGNIFICANT * error:
+        if told or after[channel] > 1.0 + max(_SIGNIFICANT * error, _VISIBLE):
             result[joint] = Unexplained(
                 float(min(share, 1.0)), _signature(search, candidate) if told else "of no single quantity"
             )

@@ -61,7 +61,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     hypotheses += [Hypothesis(map_, place) for map_, place in map_places(body.n)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     rate = min(trajectory.rate for trajectory in trajectories)
-    precision = given_precision(body, base, tolerance, len(grid.channels), rate)
+    precision = given_precision(body, base, tolerance, grid.channels, rate)
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
     unseen = _unseen(grid, pieces, decimations, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
@@ -85,9 +85,10 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
 def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup]) -> Array:
     """(channels,) variance of the rows' white error that recurs in all playings."""
     rate = min(trajectory.rate for trajectory in trajectories)
-    torque = repeated_white(trajectories, repeats, [trajectory.tau for trajectory in trajectories], grid.band)
-    speed = repeated_white(trajectories, repeats, [trajectory.dq for trajectory in trajectories], grid.band)
-    white = {"torque": torque, "velocity": speed}
+    white = {"torque": repeated_white(trajectories, repeats, [t.tau for t in trajectories], grid.band)}
+    speeds = [t.dq for t in trajectories if t.dq is not None]
+    if len(speeds) == len(trajectories):
+        white["velocity"] = repeated_white(trajectories, repeats, speeds, grid.band)
     return np.array([white[channel.equation][channel.index] for channel in grid.channels]) * 2.0 * grid.band / rate
 
 

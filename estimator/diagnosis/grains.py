@@ -72,7 +72,7 @@ _PERIODS = 6.0
 
 
 def repeated_white(
-    trajectories: Sequence[Trajectory], groups: Sequence[RepeatGroup], channels: Sequence[Array | None], band: float
+    trajectories: Sequence[Trajectory], groups: Sequence[RepeatGroup], channels: Sequence[Array], band: float
 ) -> Array:
     """(n,) variance of a sample's error that is white and the same in all playings, by the spectrum above ``band`` Hz.
 
@@ -85,10 +85,9 @@ def repeated_white(
     taps = taps / np.linalg.norm(taps)
     n = trajectories[0].q.shape[1]
     times = [trajectory.t[0] + np.arange(trajectory.samples) / trajectory.rate for trajectory in trajectories]
-    filled = [np.full_like(t.q, np.nan) if c is None else c for t, c in zip(trajectories, channels, strict=True)]
     even = [
         np.array([np.interp(grid, t.t, column) for column in c.T]).T
-        for grid, t, c in zip(times, trajectories, filled, strict=True)
+        for grid, t, c in zip(times, trajectories, channels, strict=True)
     ]
     power, samples = np.zeros(n), 0
     for group in groups:

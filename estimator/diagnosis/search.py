@@ -159,19 +159,22 @@ class Search:
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
-        design = self.design
         if any(self._alike(candidate, k) for k in chosen):
             return False
-        model = self.model([*chosen, candidate])
-        place = design.given
-        for k in [*chosen, candidate]:
-            own = design.candidates[k]
-            value = model.value[place : place + len(own.columns)]
-            slack = 2.0 * np.sqrt(np.diag(model.covariance)[place : place + len(own.columns)])
-            if np.any(value < own.lower - slack) or np.any(value > own.upper + slack):
-                return False
-            place += len(own.columns)
-        return True
+        return not self._beyond_limits([*chosen, candidate], slack=2.0)
+
+    def _beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
+        """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""
+        model, place = self.model(chosen), self.design.given
+        result = []
+        for k in chosen:
+            own = self.design.candidates[k]
+            span = slice(place, place + len(own.columns))
+            value, error = model.value[span], slack * np.sqrt(np.diag(model.covariance)[span])
+            if np.any(value < own.lower - error) or np.any(value > own.upper + error):
+                result.append(k)
+            place = span.stop
+        return result
 
     def _alike(self, one: int, other: int) -> bool:
         """Whether two candidates' columns span the same in these data: then one can only undo the other."""
@@ -248,7 +251,9 @@ class Search:
         return self.design.hypotheses[self.design.candidates[candidate].hypothesis].place.joint
 
     def _pruned(self, chosen: list[int]) -> list[int]:
-        """Without causes that the others have made superfluous, the least supported first."""
+        """Without causes that the others have made superfluous or impossible, the least supported first."""
+        while wrong := self._beyond_limits(chosen, slack=1.0):
+            chosen = [c for c in chosen if c != wrong[0]]
         while len(chosen) > 1:
             whole = self.support(chosen)
             loss = {k: whole - self.support([c for c in chosen if c != k]) for k in chosen}

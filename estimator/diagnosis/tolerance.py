@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
 from estimator.consistency import prior_precision
+from estimator.diagnosis.stretches import Channel
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -15,18 +18,23 @@ _UNTOLD = 1e3
 """Standard deviation of each parameter of a link that the model gives no mass (kg, kg·m, kg·m²)."""
 
 
-_TIMING = 0.25
-"""Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly …"""
+_TIMING = {"torque": 0.25, "velocity": 0.4}
+"""Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly (a
+speed counted between two samples belongs between them) …"""
 _LEAST_TIMING = 0.5e-3
 """… nor below this, s."""
 
 
-def given_precision(body: RigidBody, base: BaseParameters, tolerance: float, channels: int, rate: float) -> Array:
+def given_precision(
+    body: RigidBody, base: BaseParameters, tolerance: float, channels: Sequence[Channel], rate: float
+) -> Array:
     """(rank + channels, …) inverse covariance of all that the given model may be off by; ``rate`` Hz of the slowest
     recording."""
-    result = np.zeros((base.rank + channels, base.rank + channels))
+    size = base.rank + len(channels)
+    result = np.zeros((size, size))
     result[: base.rank, : base.rank] = base_precision(body, base, tolerance)
-    result[base.rank :, base.rank :] = np.eye(channels) / max(_TIMING / rate, _LEAST_TIMING) ** 2
+    for k, channel in enumerate(channels, base.rank):
+        result[k, k] = max(_TIMING[channel.equation] / rate, _LEAST_TIMING) ** -2
     return result
 
 
