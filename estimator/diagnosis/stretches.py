@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from estimator.diagnosis.grains import counts, rounding
 from estimator.effects import Equation, Signals
 from estimator.filtering import (
-    FLAT_TO_BAND,
     FilterPlan,
     Motion,
     convolve,
@@ -28,9 +27,10 @@ Array = NDArray[np.float64]
 
 CHUNK = 16_384
 """Samples of the recording worked on at once."""
-_KINEMATIC = 3.0
-"""`plan_filter` leaves the kinematics flat to six times its band: a third of the rows' band leaves them flat to twice
-the rows'."""
+_KINEMATIC = 2.0
+"""Times the rows' band, to which the kinematics are flat."""
+_PERIODS = 3.0
+"""Of the highest frequency of the calm motion, by which its ends are continued."""
 _WIDER = 5.0
 """The rows' band is this multiple of the motion's: the sign of a velocity, a ripple, a late channel act above it."""
 _LEAST_BAND, _WIDEST_BAND = 10.0, 25.0
@@ -97,7 +97,7 @@ def channels_of(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Ch
 
 def stretches(body: RigidBody, grid: Grid, recording: int, trajectory: Trajectory) -> list[Stretch]:
     """All gapless pieces of one recording that are longer than the smoothing reaches."""
-    plan = plan_filter(trajectory.rate, grid.band / _KINEMATIC)
+    plan = plan_filter(trajectory.rate, grid.band, flat=_KINEMATIC)
     pieces = trajectory.segments(CHUNK, 2 * plan.edge)
     long_enough = [piece for piece in pieces if len(piece) > 2 * plan.edge + 16 * plan.stride]
     return [_stretch(body, grid, recording, trajectory, piece, plan) for piece in long_enough]
@@ -140,11 +140,22 @@ def _stretch(
 
 
 def _calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
-    """The motion below `Grid.motion`, on the same samples; beyond its ends it is continued by odd reflection."""
-    calm = plan_filter(plan.rate, grid.motion / FLAT_TO_BAND)
-    more = min(calm.edge - plan.edge, len(measured) - 1)
-    if more <= 0:
-        return smooth_motion(plan, measured, None, None)
+    """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach; continued beyond its ends by odd
+    reflection, and smoothed by its spectrum: a kernel as long as this band asks would cost the ends."""
+    samples = len(measured)
+    more = min(samples - 1, int(_PERIODS * plan.rate / grid.motion))
     padded = np.pad(measured, ((more, more), (0, 0)), mode="reflect", reflect_type="odd")
-    lacking = calm.edge - plan.edge - more
-    return smooth_motion(calm, np.pad(padded, ((lacking, lacking), (0, 0)), mode="edge"), None, None)
+    # Without the line through its ends the padded motion is periodic without a jump.
+    count = len(padded)
+    drift = (padded[-1] - padded[0]) / (count - 1)
+    line = padded[0] + np.arange(count)[:, None] * drift
+    spectrum = np.fft.rfft(padded - line, axis=0)
+    frequency = np.fft.rfftfreq(count, 1.0 / plan.rate)[:, None]
+    passed = 0.5 + 0.5 * np.cos(np.pi * np.clip(frequency / grid.motion - 1.0, 0.0, 1.0))
+    omega = 2.0j * np.pi * frequency
+    inner = slice(more + plan.edge, more + samples - plan.edge)
+
+    def back(order: int) -> Array:
+        return np.asarray(np.fft.irfft(spectrum * passed * omega**order, count, axis=0)[inner])
+
+    return Motion(back(0) + line[inner], back(1) + drift * plan.rate, back(2))
