@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 OWN_ANGLE, OWN_SPEED, OTHERS = 0.02, 0.5, 1.0
 """Kernel widths as shares of the ranges in the trials: the joint's own angle (ripple and cogging live there), its own
 velocity; the other joints' angles and velocities, and all accelerations."""
-DIRECTION, SLOW = 0.5, 0.02
+DIRECTION, SLOW = 0.3, 0.02
 """Width of the joint's direction, from −1 to 1, and the share of its top speed below which it counts as undecided: what
-friction taught one way is nothing to go by the other way."""
+friction taught one way is nothing to go by the other way, nor at rest."""
 NEIGHBOURS = 20
 FULL_TRUST, NO_TRUST = 1.0, 3.0
 """Distances, in widths, to the nearest samples: within the first the regression counts fully, beyond the second not."""
@@ -51,26 +51,31 @@ class LocalModel:
                 f"correction has shape {correction.shape}, the motion {states.q.shape}",
                 "give one motion",
             )
-        self._correction = correction
         joints = range(states.q.shape[1])
         self._slow = np.maximum(SLOW * np.abs(states.dq).max(axis=0), 1e-9)
         self._widths = [_widths(states, joint, self._slow[joint]) for joint in joints]
-        self._points = [_features(states, joint, self._slow[joint]) / self._widths[joint] for joint in joints]
+        moving = [np.abs(states.dq[:, joint]) >= self._slow[joint] for joint in joints]
+        self._values = [correction[moving[joint], joint] for joint in joints]
+        self._points = [
+            (_features(states, joint, self._slow[joint]) / self._widths[joint])[moving[joint]] for joint in joints
+        ]
         self._trees = [cKDTree(points) for points in self._points]
 
     def correction_at(self, states: States) -> tuple[Array, Array]:
         """(correction in N·m, already weighted by trust; trust from 0 to 1) at other states, (samples, n) each."""
         found, trust = np.zeros_like(states.q), np.zeros_like(states.q)
         for joint, (width, points, tree) in enumerate(zip(self._widths, self._points, self._trees, strict=True)):
+            if not len(points):
+                continue  # it never moved while the others were practised
             asked = _features(states, joint, self._slow[joint]) / width
             count = min(NEIGHBOURS, len(points))
             distances, nearest = tree.query(asked, k=count)
             distance = np.asarray(distances, dtype=float).reshape(len(asked), count)
             near = np.asarray(nearest).reshape(len(asked), count)
             weight = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2))
-            values = _planes(points[near] - asked[:, None, :], self._correction[near, joint], weight)
+            values = _planes(points[near] - asked[:, None, :], self._values[joint][near], weight)
             # A plane may extrapolate; what the neighbours themselves needed bounds it.
-            span = self._correction[near, joint]
+            span = self._values[joint][near]
             trust[:, joint] = np.clip((NO_TRUST - distance[:, 0]) / (NO_TRUST - FULL_TRUST), 0.0, 1.0)
             found[:, joint] = trust[:, joint] * np.clip(values, span.min(axis=1), span.max(axis=1))
         return found, trust

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from config import InputError
 from learner.cosine_spectrum import frequencies, low_pass, to_history, to_lines
 from learner.kinematics import Kinematics
 from learner.linearisation import linearise
+from learner.local_model import LocalModel, States
 from learner.trial import Reference, Timing, Trial
 from learner.trial_filter import TrialFilter, noise_of
 from learner.velocity_sensor import calibrate
@@ -92,6 +94,21 @@ def test_the_trial_filter_averages_noise_and_believes_news() -> None:
     for _ in range(2):
         update.take(measured())
     assert float(np.sqrt(np.mean((update.correction - need) ** 2))) < 0.5 * before
+
+
+def test_a_joint_that_never_moved_is_left_to_the_model() -> None:
+    t = np.linspace(0.0, 1.0, 200)
+    still = np.zeros_like(t)
+    states = States(
+        np.column_stack([t**2, still]), np.column_stack([2 * t, still]), np.column_stack([2 + still, still])
+    )
+    correction = np.column_stack([np.ones_like(t), 5.0 * np.ones_like(t)])
+    found, trust = LocalModel(states, correction).correction_at(states)
+    assert found[50:, 0] == pytest.approx(1.0)
+    assert not found[:, 1].any()
+    assert not trust[:, 1].any()
+    with pytest.raises(InputError, match="shape"):
+        LocalModel(states, correction[:-1])
 
 
 def test_commands_go_ahead_of_their_action() -> None:
