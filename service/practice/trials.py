@@ -26,6 +26,10 @@ LAG_BAND_HZ = 30.0
 """Above it the velocity's noise, which every tick of the servo sees anew, hides what was demanded."""
 
 
+LONGEST_GAP = 3
+"""Cycles: a straight line over so few is nearer to the truth than the sensors' noise."""
+
+
 @dataclass(frozen=True)
 class ActuationLag:
     """Cycles from the drive's demand to the torque it measures, (n,); ``residual``: (n,) N·m RMS that stay unexplained.
@@ -59,15 +63,31 @@ def begin_of(recording: Recording, reference: Reference, name: str) -> int:
 def trial_of(recording: Recording, reference: Reference, delay: int, name: str) -> Trial:
     """What was measured ``delay`` cycles after each sample of the reference was commanded.
 
-    Raises InputError when the motion is not whole, or feedback is missing in it.
+    Feedback that did not arrive for up to `LONGEST_GAP` cycles is bridged by a straight line.
+    Raises InputError when the motion is not whole, or more is missing in it.
     """
     start = begin_of(recording, reference, name) + delay
     rows = slice(start, start + reference.samples)
     assert recording.dq is not None
     assert recording.tau is not None
-    trial = Trial(recording.q[rows], recording.dq[rows], recording.tau[rows])
+    trial = Trial(*(_bridged(channel[rows]) for channel in (recording.q, recording.dq, recording.tau)))
     trial.check(reference, name)
     return trial
+
+
+def _bridged(channel: Array) -> Array:
+    """A channel (samples × n) with its short gaps filled; longer ones stay NaN."""
+    missing = np.isnan(channel)
+    if not missing.any():
+        return channel
+    result = channel.copy()
+    at = np.arange(len(channel))
+    for column, gone in zip(result.T, missing.T, strict=True):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
+        for first, end in edges.reshape(-1, 2):
+            if end - first <= LONGEST_GAP and first > 0 and end < len(column):
+                column[first:end] = np.interp(at[first:end], [first - 1, end], [column[first - 1], column[end]])
+    return result
 
 
 def actuation_lag(

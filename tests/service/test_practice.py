@@ -137,6 +137,13 @@ def test_trials_are_found_and_lags_identified() -> None:
     trial = trial_of(recording, reference, practised.command_delay, "run")
     assert np.abs(trial.q - reference.q).max() < 1.001e-3
     np.testing.assert_array_equal(trial.dq, reference.dq)
+    holed = recording.dq.copy() if recording.dq is not None else recording.q
+    holed[700:703, 1] = np.nan
+    bridged = trial_of(replace(recording, dq=holed), reference, practised.command_delay, "run")
+    np.testing.assert_allclose(bridged.dq, trial.dq, atol=1e-3)
+    holed[900:910, 2] = np.nan
+    with pytest.raises(InputError, match="joint number 3 is missing"):
+        trial_of(replace(recording, dq=holed), reference, practised.command_delay, "run")
     commanded = recording.q_d
     assert commanded is not None
     lag = actuation_lag([recording], practised.loop, reference, "csp")
