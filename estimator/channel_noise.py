@@ -143,12 +143,13 @@ def _separated(
     most = disagreement / omega**2
     angle = np.minimum(noise, most)
     for joint in range(angle.shape[1]):
-        last, hidden = np.inf, False
+        # White noise of the angle cannot be more than the least that the two disagree by.
+        last, hidden = float(most[:, joint].min()), False
         for k in reversed(range(len(frequency))):
             if believed[k, joint] and not hidden:
                 last = float(angle[k, joint])
             else:
-                hidden = hidden or np.isfinite(last)
+                hidden = hidden or bool(believed[k:, joint].any())
                 angle[k, joint] = min(last, float(most[k, joint]))
     velocity = np.maximum(disagreement - omega**2 * angle, _LEAST_SHARE * disagreement)
     return ChannelNoise(frequency, angle, velocity)
