@@ -68,8 +68,10 @@ class Conditional:
             self.right[members] += weights[channel] * gram[:-1, -1]
         matrix = self.cross[:, active]
         matrix[:given, :given] += design.precision
-        scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-        normal = matrix / np.outer(scale, scale) + _RIDGE * np.eye(len(active))
+        diagonal = np.diag(matrix)
+        scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        # An unknown without any effect here stays zero.
+        normal = matrix / np.outer(scale, scale) + np.diag(np.where(diagonal > 0.0, _RIDGE, 1.0))
         factor = cho_factor(normal)
 
         def solve(right: Array) -> Array:

@@ -104,7 +104,9 @@ def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes
         effect=hypothesis.effect.name,
         place=hypothesis.place,
         status="ambiguous" if ambiguous else "named",
-        parameters=quantities(hypothesis, fitted.theta, refined.coefficients(number), refined.covariance_of(number)),
+        parameters=quantities(
+            hypothesis, design.body, fitted.theta, refined.coefficients(number), refined.covariance_of(number)
+        ),
         log_likelihood_gain=cause.gain,
         false_alarm_probability=cause.false_alarm,
         share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),

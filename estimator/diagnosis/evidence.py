@@ -18,7 +18,7 @@ from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.stretches import Grid, Stretch, make_grid, stretches
 from estimator.diagnosis.tolerance import given_precision
-from estimator.effects import Scales, catalogue
+from estimator.effects import Place, Scales, catalogue
 from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rigid_body import RigidBody
@@ -57,7 +57,12 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     repeats = find_repeats(trajectories)
     base = base_parameters(body)
-    hypotheses = [Hypothesis(effect, place) for effect in catalogue().values() for place in effect.places(body)]
+    hypotheses = [
+        Hypothesis(effect, place)
+        for effect in catalogue().values()
+        for place in effect.places(body)
+        if effect.name != "link_inertia" or _modelled(body, place)
+    ]
     hypotheses += [Hypothesis(map_, place) for map_, place in map_places(body.n)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     rate = min(trajectory.rate for trajectory in trajectories)
@@ -80,6 +85,11 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     whole = len(set(recordings)) >= _RECORDINGS_A_FOLD
     folds = recordings if whole else list(range(len(blocks)))
     return Evidence(design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds))
+
+
+def _modelled(body: RigidBody, place: Place) -> bool:
+    """Whether the given model has anything to say of a link: one without mass is free, and cannot be wrong."""
+    return place.joint is not None and bool(body.prior()[10 * place.joint] > 0.0)
 
 
 def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup]) -> Array:

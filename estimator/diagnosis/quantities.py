@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.answer import Quantity
 from estimator.diagnosis.design import Hypothesis
+from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
@@ -14,7 +15,13 @@ _STEP = 1e-3
 """Of an unknown's standard error: step of the numerical derivative."""
 
 
-def quantities(hypothesis: Hypothesis, theta: Array, coefficients: Array, covariance: Array) -> dict[str, Quantity]:
+_SLIDING = {"N·m": "N", "N·m/rad": "N/m", "N·m·s/rad": "N·s/m", "rad": "m", "rad/s": "m/s", "kg·m²": "kg"}
+"""Units of what lives in a sliding joint."""
+
+
+def quantities(
+    hypothesis: Hypothesis, body: RigidBody, theta: Array, coefficients: Array, covariance: Array
+) -> dict[str, Quantity]:
     """``covariance`` (p + c, p + c) of [theta | coefficients]."""
     effect, place = hypothesis.effect, hypothesis.place
     unknowns = np.concatenate([theta, coefficients])
@@ -32,11 +39,14 @@ def quantities(hypothesis: Hypothesis, theta: Array, coefficients: Array, covari
         moved[1][k] += step[k]
         low, high = (values(x) for x in moved)
         for name in at:
-            slopes[name][:, k] = (high[name] - low[name]) / (2.0 * step[k])
+            ends = np.isfinite(high[name]) & np.isfinite(low[name])
+            slopes[name][ends, k] = (high[name][ends] - low[name][ends]) / (2.0 * step[k])
     result = {}
     for name, value in at.items():
         error = np.sqrt(np.maximum(np.einsum("ak,kl,al->a", slopes[name], covariance, slopes[name]), 0.0))
         scalar = len(value) == 1
         unit = effect.units[name]
+        if place.joint is not None and effect.name != "link_inertia" and not body.axes[place.joint].revolute:
+            unit = _SLIDING.get(unit, unit)
         result[name] = Quantity(float(value[0]) if scalar else value, float(error[0]) if scalar else error, unit)
     return result
