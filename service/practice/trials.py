@@ -104,7 +104,8 @@ def actuation_lag(
         start = begin_of(recording, reference, str(recording.path)) + command_delay(mode)
         rows = np.arange(start, start + reference.samples)
         for k, shift in enumerate(shifts):
-            lines = found * to_lines(_unexplained(recording, rows, float(shift), loop, mode))
+            off = _bridged(_unexplained(recording, rows, float(shift), loop, mode))
+            lines = found * to_lines(off)
             power[k] += np.mean(lines**2, axis=0) / len(recordings)
     best = np.argmin(power, axis=0)
     return ActuationLag(shifts[best], np.sqrt(power[best, np.arange(reference.n)]))

@@ -130,11 +130,11 @@ class Practise:
     def _begin(self) -> tuple[Practice, VelocityCalibration, ActuationLag]:
         reference, loop = self._task.reference, self._task.loop
         recordings = [read_recording(path) for path in self._record.of("replay")]
+        raw = [self._raw(recording) for recording in recordings]
         lag = actuation_lag(recordings, loop, reference, self._asked.mode)
         timing = Timing(self._task.timing.held, lag.cycles)
         # The shift of the replays' own feedforward is part of what they lacked.
         self._task = replace(self._task, timing=timing)
-        raw = [self._raw(recording) for recording in recordings]
         calibration = calibrate(raw, reference)
         practice = Practice(self._task, [calibration.apply(t) for t in raw], self._asked.hand_picked_hz)
         return practice, calibration, lag
