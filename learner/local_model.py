@@ -16,9 +16,11 @@ from scipy.spatial import cKDTree
 from config import InputError
 
 Array = NDArray[np.float64]
-OWN_ANGLE, OWN_SPEED, OTHERS = 0.02, 0.5, 1.0
+OWN_ANGLE, OWN_SPEED, OTHERS = 0.0025, 0.5, 1.0
 """Kernel widths as shares of the ranges in the trials: the joint's own angle (ripple and cogging live there), its own
 velocity; the other joints' angles and velocities, and all accelerations."""
+REACH = 8.0
+"""Times the own angle's width for the trust: what lies a little outside the practised range takes its edge's value."""
 DIRECTION, SLOW = 0.3, 0.02
 """Width of the joint's direction, from −1 to 1, and the share of its top speed below which it counts as undecided: what
 friction taught one way is nothing to go by the other way, nor at rest."""
@@ -60,6 +62,7 @@ class LocalModel:
             (_features(states, joint, self._slow[joint]) / self._widths[joint])[moving[joint]] for joint in joints
         ]
         self._trees = [cKDTree(points) for points in self._points]
+        self._known = [cKDTree(_reaching(points)) for points in self._points]
 
     def correction_at(self, states: States) -> tuple[Array, Array]:
         """(correction in N·m, already weighted by trust; trust from 0 to 1) at other states, (samples, n) each."""
@@ -76,7 +79,8 @@ class LocalModel:
             values = _planes(points[near] - asked[:, None, :], self._values[joint][near], weight)
             # A plane may extrapolate; what the neighbours themselves needed bounds it.
             span = self._values[joint][near]
-            trust[:, joint] = np.clip((NO_TRUST - distance[:, 0]) / (NO_TRUST - FULL_TRUST), 0.0, 1.0)
+            away = np.asarray(self._known[joint].query(_reaching(asked))[0], dtype=float)
+            trust[:, joint] = np.clip((NO_TRUST - away) / (NO_TRUST - FULL_TRUST), 0.0, 1.0)
             found[:, joint] = trust[:, joint] * np.clip(values, span.min(axis=1), span.max(axis=1))
         return found, trust
 
@@ -94,6 +98,11 @@ def _widths(states: States, joint: int, slow: float) -> Array:
     widths = span * share
     widths[2] = DIRECTION
     return np.asarray(widths)
+
+
+def _reaching(points: Array) -> Array:
+    """Points for the trust: with the joint's own angle `REACH` times as wide."""
+    return np.asarray(points / np.array([REACH, *np.ones(points.shape[1] - 1)]))
 
 
 def _planes(offsets: Array, values: Array, weight: Array) -> Array:
