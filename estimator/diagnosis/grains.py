@@ -21,6 +21,10 @@ _WHOLE = 0.02
 """Of a count: how near to whole multiples all steps must be …"""
 _MOST = 0.98
 """… but for a few of them."""
+_FEWEST = 50
+"""Steps between neighbouring angles that a count must be read from …"""
+_FEW_COUNTS = 20.0
+"""… each of fewer counts than this."""
 _SMALLEST = 1e-9
 """rad; finer differences are rounding of the file's digits."""
 
@@ -29,18 +33,21 @@ def counts(trajectories: Sequence[Trajectory]) -> Array:
     """(n,) rad that one count of each joint's encoder is, 0 where the angles show no steps."""
     result = np.zeros(trajectories[0].q.shape[1])
     for joint in range(len(result)):
-        steps = np.concatenate([np.abs(np.diff(trajectory.q[:, joint])) for trajectory in trajectories])
-        steps = steps[np.isfinite(steps) & (steps > _SMALLEST)]
-        if len(steps) < 50:
+        angles = np.concatenate([trajectory.q[:, joint] for trajectory in trajectories])
+        steps = np.diff(np.sort(angles[np.isfinite(angles)]))
+        steps = steps[steps > _SMALLEST]
+        if len(steps) < _FEWEST:
             continue
-        count = float(np.percentile(steps, 2.0))
+        count = float(steps.min())
         for _ in range(3):
             # The count is the mean of the steps, each divided by how many counts it has.
             multiples = np.maximum(np.round(steps / count), 1.0)
-            few = multiples < 20.0
+            few = multiples < _FEW_COUNTS
+            if np.count_nonzero(few) < _FEWEST:
+                break
             count = float(np.median(steps[few] / multiples[few]))
         share = steps[few] / count
-        if np.mean(np.abs(share - np.round(share)) < _WHOLE) > _MOST:
+        if np.count_nonzero(few) >= _FEWEST and np.mean(np.abs(share - np.round(share)) < _WHOLE) > _MOST:
             result[joint] = count
     return result
 

@@ -25,7 +25,7 @@ _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
-_MOST_CAUSES_A_JOINT = 4
+_MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
 
@@ -117,12 +117,12 @@ class Search:
         """All causes, the one with most evidence first."""
         chosen: list[int] = []
         self.reweigh(chosen)
-        limit = _MOST_CAUSES_A_JOINT * len(self.design.channels)
+        limit = _MOST_CAUSES_A_JOINT * self.design.body.n
         while len(chosen) < limit:
             grown = self._step(chosen)
             if grown is None:
                 break
-            chosen = self._pruned(self._merged(self._simplified(grown)))
+            chosen = self._pruned(self._merged(self._simplified(grown), self._joint(grown[-1])))
             self.reweigh(chosen)
         chosen = self._pruned(self._swapped(chosen))
         return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
@@ -229,23 +229,18 @@ class Search:
             return None
         return max(same, key=lambda k: self.support([*others, k]))
 
-    def _merged(self, chosen: list[int]) -> list[int]:
-        """One effect in place of several at the same joint, where that is better supported."""
-        joints = {self._joint(k) for k in chosen} - {None}
-        for joint in joints:
-            at = [k for k in chosen if self._joint(k) == joint]
-            if len(at) < 2:
-                continue
-            best, support = chosen, self.support(chosen)
-            for count in range(2, len(at) + 1):
-                for leaving in combinations(at, count):
-                    others = [k for k in chosen if k not in leaving]
-                    for candidate, _, _ in [row for row in self.ranked(others) if self._joint(row[0]) == joint][:3]:
-                        trial = [*others, candidate]
-                        if (value := self.support(trial)) > support:
-                            best, support = trial, value
-            chosen = best
-        return chosen
+    def _merged(self, chosen: list[int], joint: int | None) -> list[int]:
+        """One effect in place of several at this joint, where that is better supported."""
+        at = [k for k in chosen if joint is not None and self._joint(k) == joint]
+        best, support = chosen, self.support(chosen)
+        for count in range(2, len(at) + 1):
+            for leaving in combinations(at, count):
+                others = [k for k in chosen if k not in leaving]
+                for candidate, _, _ in [row for row in self.ranked(others) if self._joint(row[0]) == joint][:3]:
+                    trial = [*others, candidate]
+                    if (value := self.support(trial)) > support:
+                        best, support = trial, value
+        return best
 
     def _joint(self, candidate: int) -> int | None:
         return self.design.hypotheses[self.design.candidates[candidate].hypothesis].place.joint

@@ -1,0 +1,84 @@
+"""Parts of the diagnosis by known answers: noise that playings share, limited fits, chance, maps."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from estimator import Trajectory
+from estimator.diagnosis.bounded import bounded_fits
+from estimator.diagnosis.grains import counts, repeated_white
+from estimator.diagnosis.maps import hats
+from estimator.diagnosis.noise import ORDER, autocovariance, autoregressive
+from estimator.repeats import find_repeats
+
+Array = NDArray[np.float64]
+
+
+def test_limited_fits_are_those_of_a_solver_made_for_them() -> None:
+    random = np.random.default_rng(0)
+    columns = random.normal(size=(40, 60, 3)) + 0.7 * random.normal(size=(40, 60, 1))
+    right = random.normal(size=(40, 60))
+    matrix, score = np.einsum("knc,knd->kcd", columns, columns), np.einsum("knc,kn->kc", columns, right)
+    lower, upper = np.tile([0.0, -np.inf, 0.0], (40, 1)), np.full((40, 3), np.inf)
+    energy = np.einsum("kcc->kc", matrix)
+    x, gain = bounded_fits(matrix, score[:, :, None], energy, lower, upper)
+    for k in range(40):
+        best = lsq_linear(columns[k], right[k], (lower[k], upper[k]), tol=1e-12)
+        np.testing.assert_allclose(x[k, :, 0], best.x, atol=1e-6)
+        assert gain[k, 0] == np.float64(gain[k, 0]) >= 0.0
+        np.testing.assert_allclose(gain[k, 0], 0.5 * np.sum(right[k] ** 2) - best.cost, atol=1e-6)
+
+
+def test_what_is_left_of_a_column_by_rounding_is_not_fitted() -> None:
+    matrix = np.diag([1.0, 1e-14])[None]
+    x, _ = bounded_fits(matrix, np.ones((1, 2, 1)), np.ones((1, 2)), np.full((1, 2), -np.inf), np.full((1, 2), np.inf))
+    np.testing.assert_allclose(x[0, :, 0], [1.0, 0.0], atol=1e-9)
+
+
+def test_an_encoders_count_is_read_off_its_angles() -> None:
+    t = np.arange(2000) / 250.0
+    q = np.column_stack([np.sin(t), np.sin(1.3 * t), np.sin(0.7 * t)])
+    count = np.array([1e-4, 2.5e-4, 0.0])
+    q[:, :2] = np.round(q[:, :2] / count[:2]) * count[:2]
+    found = counts([Trajectory(t, q, np.zeros_like(q))])
+    np.testing.assert_allclose(found, count, rtol=1e-6)
+
+
+def test_white_error_that_both_playings_have_is_told_from_noise_of_each() -> None:
+    random = np.random.default_rng(1)
+    t = np.arange(5000) / 250.0
+    q = np.column_stack([np.sin(1.1 * t) + 0.3 * np.sin(2.9 * t), np.cos(0.9 * t)])
+    common = random.normal(size=q.shape) * [0.3, 0.0]
+    playings = [
+        Trajectory(t, q + 1e-6 * random.normal(size=q.shape), q + common + 0.2 * random.normal(size=q.shape))
+        for _ in range(2)
+    ]
+    found = repeated_white(playings, find_repeats(playings), [p.tau for p in playings], 10.0)
+    np.testing.assert_allclose(found, [0.09, 0.0], atol=0.01)
+
+
+def test_whitened_noise_is_white_with_unit_variance() -> None:
+    random = np.random.default_rng(2)
+    white = random.normal(size=(20_000, 1))
+    coloured = np.empty_like(white)
+    coloured[0] = white[0]
+    for k in range(1, len(white)):
+        coloured[k] = 0.7 * coloured[k - 1] + 2.0 * white[k]
+    taps = autoregressive(autocovariance([coloured])[0], len(coloured))
+    whitened = np.convolve(coloured[:, 0], taps, mode="valid")
+    assert len(taps) == ORDER + 1
+    assert abs(whitened.var() - 1.0) < 0.05
+    assert abs(np.corrcoef(whitened[1:], whitened[:-1])[0, 1]) < 0.03
+
+
+def test_a_map_interpolates_and_holds_its_ends() -> None:
+    knots = np.linspace(-1.0, 1.0, 5)
+    x = np.array([-3.0, -1.0, -0.25, 0.6, 2.0])
+    weights = hats(x, knots)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    np.testing.assert_allclose(weights @ knots, np.clip(x, -1.0, 1.0))
+    assert all(0.0 <= weights[i, j] <= 1.0 for i, j in product(range(5), range(5)))
