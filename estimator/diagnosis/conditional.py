@@ -60,13 +60,14 @@ class Conditional:
     def __init__(self, design: Design, block: Block, weights: Array, active: Indices) -> None:
         self.design, self.block, self.weights, self.active = design, block, weights, active
         size, given = design.size, design.given
-        self.cross, self.right = np.zeros((len(active), size)), np.zeros(size)
+        self.right = np.zeros(size)
+        matrix = np.zeros((len(active), len(active)))
         for channel, gram in enumerate(block.grams):
-            members, place = design.members[channel], design.position[channel][active]
+            place = design.position[channel][active]
             enters = np.flatnonzero(place >= 0)
-            self.cross[np.ix_(enters, members)] += weights[channel] * gram[place[enters], :-1]
-            self.right[members] += weights[channel] * gram[:-1, -1]
-        matrix = self.cross[:, active]
+            own = place[enters]
+            matrix[np.ix_(enters, enters)] += weights[channel] * gram[np.ix_(own, own)]
+            self.right[design.members[channel]] += weights[channel] * gram[:-1, -1]
         matrix[:given, :given] += design.precision
         diagonal = np.diag(matrix)
         scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -79,6 +80,16 @@ class Conditional:
 
         self.solve = solve
         self.value: Array = solve(self.right[active])
+
+    @cached_property
+    def cross(self) -> Array:
+        """(active, size) products of the active unknowns' columns with all."""
+        result = np.zeros((len(self.active), self.design.size))
+        for channel, gram in enumerate(self.block.grams):
+            members, place = self.design.members[channel], self.design.position[channel][self.active]
+            enters = np.flatnonzero(place >= 0)
+            result[np.ix_(enters, members)] += self.weights[channel] * gram[place[enters], :-1]
+        return result
 
     @cached_property
     def covariance(self) -> Array:
