@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from config.errors import InputError, WrongKey
+from config.text_file import read_text
 
 T = TypeVar("T", bound=BaseModel)
 Location = tuple[int | str, ...]
@@ -30,7 +31,7 @@ def shown(path: Path) -> str:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read ``path``. Raises InputError for a file that is absent, unreadable, not UTF-8 or not TOML (with its line)."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except FileNotFoundError:
         raise InputError(shown(path), "there is no such file", "check the path") from None
     except UnicodeDecodeError as error:

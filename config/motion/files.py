@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from config.motion.recorded import read_path
 from config.schema import Installation, Name, Positive, Section
 from config.toml_file import nearest, read_toml, shown, validate
 
+NAME = re.compile(r"[\w.+@-]{1,200}")
+"""What a motion without a path is called."""
 SHIPPED = Path(__file__).parent.parent / "motions"
 NotNegative = Annotated[float, Field(ge=0)]
 Rows = Annotated[tuple[tuple[float, ...], ...], Field(min_length=1)]
@@ -238,8 +241,12 @@ def known_motions(installation: Installation) -> tuple[str, ...]:
 
 def _path(name_or_path: str, installation: Installation) -> Path:
     if name_or_path.endswith(".toml") or os.sep in name_or_path:
-        return Path(name_or_path).expanduser().absolute()
-    for folder in (installation.path.parent / "motions", SHIPPED):
+        try:
+            return Path(name_or_path).expanduser().absolute()
+        except RuntimeError:
+            raise InputError(f"motion {name_or_path!r}", "there is no such user", "give the whole path") from None
+    folders = (installation.path.parent / "motions", SHIPPED) if NAME.fullmatch(name_or_path) else ()
+    for folder in folders:
         if (path := folder / f"{name_or_path}.toml").exists():
             return path
     known = known_motions(installation)

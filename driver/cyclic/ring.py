@@ -46,6 +46,16 @@ def ring_path(name: str) -> Path:
     return run / f"{name}.ring"
 
 
+def _runs(pid: int) -> bool:
+    """Whether the process is there and not merely dead and unburied: a killed child stays in /proc until its parent,
+    which may be busy with other things, asks for its end."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state not in "ZX"
+
+
 class RingWriter:
     """The producing end. Only the loop's process holds one."""
 
@@ -112,7 +122,7 @@ class RingWriter:
         deadline = time.monotonic() + RECORDER_PATIENCE_S
         while self._head - self._words[RECORDER_CURSOR] >= self._slots:
             pid = self._words[RECORDER_PID]
-            if pid == 0 or not Path(f"/proc/{pid}").exists() or time.monotonic() > deadline:
+            if pid == 0 or not _runs(pid) or time.monotonic() > deadline:
                 self._words[RECORDER_PID] = 0
                 return
             time.sleep(0.0005)
@@ -172,7 +182,7 @@ class RingReader:
     @property
     def ended(self) -> bool:
         """The producer said goodbye, or its process is gone without."""
-        return bool(self._words[ENDED]) or not Path(f"/proc/{self.producer_pid}").exists()
+        return bool(self._words[ENDED]) or not _runs(self.producer_pid)
 
     def register_recorder(self) -> None:
         """In lockstep the producer waits for this reader from now on. One a ring."""

@@ -31,19 +31,20 @@ class SensorClock:
     def continued_by(self, reading_us: int, now_ns: int) -> bool:
         """Could this be the next reading of the same counter? A counter that stands still could not.
 
-        Whole turns of the counter during a silence are allowed for.
+        Whole turns of the counter during a silence are allowed for; a reading from before the last one, as an old
+        frame brings it that comes again, is not.
         """
-        step = self.step_ns(reading_us)
-        turn = WRAP_US * 1000
-        off = (now_ns - self._now_ns - step + turn // 2) % turn - turn // 2
-        return step > 0 and abs(off) < TOLERANCE_NS
+        step = self._elapsed_step_ns(reading_us, now_ns)
+        return self.step_ns(reading_us) > 0 and abs(now_ns - self._now_ns - step) < TOLERANCE_NS
+
+    def _elapsed_step_ns(self, reading_us: int, now_ns: int) -> int:
+        """The step with the whole turns that the host's time says passed meanwhile; never backwards."""
+        step, turn = self.step_ns(reading_us), WRAP_US * 1000
+        return step + max(0, round((now_ns - self._now_ns - step) / turn)) * turn
 
     def advance(self, reading_us: int, now_ns: int, *, newest: bool) -> int:
         """Host time of the reading, ns. ``newest``: the last one of its delivery, which was held up the least."""
-        step = self.step_ns(reading_us)
-        turn = WRAP_US * 1000
-        step += max(0, round((now_ns - self._now_ns - step) / turn)) * turn
-        self._elapsed_ns += step
+        self._elapsed_ns += self._elapsed_step_ns(reading_us, now_ns)
         self._reading_us, self._now_ns = reading_us, now_ns
         if newest:
             grown = self._offset_ns + DRIFT * (self._elapsed_ns - self._offset_at_ns)

@@ -21,6 +21,8 @@ ModeOption = Annotated[
 ControllerOption = Annotated[
     Literal["pd", "computed_torque"], typer.Option("--controller", help="Controller in torque mode (cst).")
 ]
+FRAMES_SHOWN = 6
+"""Of those kept from before a stop."""
 
 
 def status(arm: ArmOption = None, json: JsonOption = None) -> None:
@@ -127,12 +129,20 @@ def _shown(status: dict[str, Any]) -> list[Any]:
     for k, joint in enumerate(status["joints"]):
         numbers = (_figure(status[key][k]) for key in ("q", "dq", "tau"))
         joints.add_row(joint, status["drive_states"][k], *numbers)
+    stopped = []
+    if status["state"] == "latched":
+        stopped = [
+            f"see to the cause; etude reset --arm {status['arm']} then acknowledges the stop, without moving the arm",
+            *(f"  {line}" for line in status["last_frames"][-FRAMES_SHOWN:]),
+        ]
+        if status["last_frames"]:
+            stopped.insert(1, f"last of the {len(status['last_frames'])} frames kept (--json has all):")
     loop = (
         f"loop: {status['cycles']} cycles, {status['missed']} missed, worst lateness "
         f"{status['lateness_max_us']:.0f} µs, {status['cpu_us']:.0f} µs CPU a cycle"
         + (", lockstep" if status["lockstep"] else f", {status['realtime']['scheduling']}")
     )
-    lines = [headline, joints, loop]
+    lines = [headline, *stopped, joints, loop]
     lines += [f"bus {b['name']}: {100 * b['load']:.0f} % load, {b['errors']} errors" for b in status["buses"]]
     for sensor in status["sensors"]:
         age = "no sample yet" if sensor["age_ms"] is None else f"{sensor['age_ms']:.0f} ms old"

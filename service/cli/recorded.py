@@ -14,7 +14,7 @@ from config.paths import state_directory
 from service import outcomes
 from service.cli.console import publish
 from service.cli.options import ArmOption, JsonOption
-from service.sessions.store import Session, SessionStore
+from service.sessions.store import Session, SessionRecord, SessionStore
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING")]
 
@@ -133,6 +133,8 @@ def report(
         **found.record.model_dump(mode="json"),
         "directory": str(found.directory),
         "result": result,
+        "last_frames": None if found.last_frames is None else str(found.last_frames),
+        "next": next_step(found.record),
         "page": None if page is None else str(page),
     }
     publish(answer, json, *_shown(found, result), *([] if page is None else [f"page: {page}"]))
@@ -148,6 +150,10 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
         f"started {record.started}" + (f", ended {record.ended}" if record.ended else f"; {record.stage}"),
         *(f"recording: {session.directory / name}" for name in record.recordings),
     ]
+    if session.last_frames is not None:
+        lines.append(f"the last frames before the stop: {session.last_frames}")
+    if (step := next_step(record)) is not None:
+        lines.append(step)
     if result is not None and record.kind == "identify-links":
         lines += link_report(result)
     elif result is not None and record.kind == "identify-load":
@@ -166,6 +172,21 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
             for joint, error in result["tracking_error"].items()
         ]
     return lines
+
+
+def next_step(record: SessionRecord) -> str | None:
+    """What a person does after a session that did not come to its end; None after one that did."""
+    match record.state:
+        case "stopped":
+            return (
+                f"see to the cause; etude reset --arm {record.arm} then acknowledges the stop, without moving the arm"
+            )
+        case "interrupted":
+            return "a recording that was cut is made readable by etude recover; begin the session again"
+        case "failed":
+            return "see to the cause and begin the session again; a recording that was cut: etude recover"
+        case _:
+            return None
 
 
 def _stores(arm: str | None) -> list[SessionStore]:

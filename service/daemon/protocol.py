@@ -47,7 +47,7 @@ def read_request(line: bytes) -> Request:
     """One line as a request. Raises MalformedRequest saying what is wrong with it."""
     try:
         data = json.loads(line)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, or an integer of thousands of digits
         raise MalformedRequest(f"the request is not JSON: {error}") from None
     given = data.get("id") if isinstance(data, dict) else None
     request_id = given if isinstance(given, int) and not isinstance(given, bool) else None

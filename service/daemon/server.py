@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 GROUP = "etude"
 REQUESTS_AT_ONCE = 16
 """A client that has more requests open than this is read no further until some are answered."""
+CONNECTIONS = 64
+"""Conversations at once on each socket: whoever may only look must not use up what the daemon can have open."""
 LAST_WORDS_S = 1.0
 """How long answers may take to go out once the server closes."""
 
@@ -63,6 +65,7 @@ class Server:
         self._addresses = ((control, 0o660, False), (look, 0o666, True))
         self._servers: list[asyncio.Server] = []
         self._connections: set[asyncio.Task[None]] = set()
+        self._conversations = {looks_only: 0 for _, _, looks_only in self._addresses}
         self._closing = False
 
     async def start(self) -> None:
@@ -75,11 +78,16 @@ class Server:
                 task = asyncio.current_task()
                 assert task is not None
                 self._connections.add(task)
+                self._conversations[looks_only] += 1
                 try:
-                    await self._converse(reader, writer, looks_only)
+                    if self._conversations[looks_only] > CONNECTIONS:
+                        await _turn_away(writer)
+                    else:
+                        await self._converse(reader, writer, looks_only)
                 except asyncio.CancelledError:
                     log.debug("the conversation ended with the server")
                 finally:
+                    self._conversations[looks_only] -= 1
                     self._connections.discard(task)
 
             self._servers.append(await asyncio.start_unix_server(connected, sock=line, limit=LINE_LIMIT))
@@ -163,6 +171,15 @@ class Server:
             if report["kind"] == "defect":
                 log.exception("serving %s failed", request.command)
             return {"id": request.id, "error": report}
+
+
+async def _turn_away(writer: asyncio.StreamWriter) -> None:
+    """One sentence, and the end."""
+    message = f"the daemon already has {CONNECTIONS} conversations at this socket: end some, or wait"
+    with contextlib.suppress(ConnectionError):
+        writer.write(encode({"id": None, "error": {"kind": "input", "message": message}}))
+        await writer.drain()
+    writer.close()
 
 
 def _listen(path: Path, mode: int) -> socket.socket:

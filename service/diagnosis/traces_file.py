@@ -35,7 +35,7 @@ def save_traces(path: Path, traces: Traces) -> None:
 def load_traces(path: Path) -> Traces:
     """Read back, in single precision. Raises InputError when it is no such file."""
     try:
-        with np.load(path) as kept:
+        with np.load(path, allow_pickle=False) as kept:
             labels = json.loads(str(kept["labels"]))
             t, before, after, noise = (kept[name].astype(np.float64) for name in _ARRAYS)
             signatures = tuple(

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from config import InputError
+from config.text_file import read_text
 from estimator.loads.parameters import RigidLoad, rigid_load
 from service.identification.recorded import Source
 from service.models.model_file import LearntFrom
@@ -53,7 +54,7 @@ def read_loads(path: Path) -> list[RigidLoad]:
     """The loads of a file. Raises InputError naming file and key when it is none."""
     remedy = 'write format = 1, kind = "loads", and for each [[load]] name, mass, centre, inertia'
     try:
-        file = LoadFile.model_validate(tomllib.loads(path.read_text()))
+        file = LoadFile.model_validate(tomllib.loads(read_text(path)))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"cannot be read ({error})", "give a file of loads") from None
     except tomllib.TOMLDecodeError as error:

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from config import InputError
+from config.text_file import read_text
 from estimator.arm_model import ArmModel, FittedEffect, identified_model
 from estimator.effects import Place, effect
 from estimator.identification import LinkIdentification
@@ -170,7 +171,7 @@ def write_model(path: Path, file: ModelFile) -> None:
 def read_model(path: Path) -> ModelFile:
     """A model file. Raises InputError naming file and key when it is none."""
     try:
-        return ModelFile.model_validate(tomllib.loads(path.read_text()))
+        return ModelFile.model_validate(tomllib.loads(read_text(path)))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"cannot be read ({error})", REMEDY) from None
     except tomllib.TOMLDecodeError as error:

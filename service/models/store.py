@@ -11,7 +11,7 @@ from pathlib import Path
 from config import InputError
 from config.paths import state_directory
 from service.models.model_file import ModelFile, model_text, read_model
-from service.sessions.store import write_atomically
+from service.sessions.store import write_once
 
 
 def model_path(name: str) -> Path:
@@ -47,9 +47,7 @@ def keep_model(file: ModelFile) -> Path:
     path = _path(file.arm, file.version)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Of two that come at once one must find the version taken.
-        path.touch(exist_ok=False)
-        write_atomically(path, model_text(file))
+        write_once(path, model_text(file))
     except FileExistsError:
         raise InputError(str(path), "this version is already there", "try again") from None
     except OSError as error:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from config import InputError
+from config.text_file import read_text
 from service.sessions.store import write_atomically
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ def write_feedforward(path: Path, torque: Array, period: float, joints: tuple[st
 def read_feedforward(path: Path, joints: tuple[str, ...], samples: int) -> Array:
     """(samples, joints) N·m. Raises InputError naming line and column, or when it is of another motion or arm."""
     try:
-        rows: list[list[str]] = list(csv.reader(path.read_text().splitlines()))
+        rows: list[list[str]] = list(csv.reader(read_text(path).splitlines()))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"cannot be read ({error})", "give a feedforward that practice wrote") from None
     header = ["t", *(f"tau_{joint}" for joint in joints)]

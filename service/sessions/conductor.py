@@ -12,7 +12,7 @@ from driver.cyclic.cycle import LoopState
 from service.outcomes import ArmStopped
 from service.sessions.moving import MovingArm
 from service.sessions.procedure import Procedure
-from service.sessions.store import Session, SessionStore
+from service.sessions.store import Session, SessionState, SessionStore
 
 log = logging.getLogger(__name__)
 ENABLED = (LoopState.HOLDING, LoopState.PLAYING)
@@ -103,33 +103,59 @@ class Conductor:
                 await self._relax()
             session.write_result(answer)
         except ArmStopped as error:
-            session.end("stopped", str(error))
+            await self._keep_last_frames(session)
+            _end(session, "stopped", str(error))
             raise
         except asyncio.CancelledError as error:
-            session.end("interrupted", str(error) or "cancelled")
+            _end(session, "interrupted", str(error) or "cancelled")
             raise ArmStopped(str(error) or "the session was cancelled") from None
         except InputError as error:
             if not self.moving.loop.alive:
-                session.end("stopped", str(error))
+                _end(session, "stopped", str(error))
                 raise ArmStopped(str(error)) from error
-            session.end("failed", str(error))
+            _end(session, "failed", str(error))
             raise
         except Exception as error:
-            session.end("failed", f"{type(error).__name__}: {error}")
+            _end(session, "failed", f"{type(error).__name__}: {error}")
             log.exception("session %s failed", session.id)
             raise
-        session.end("done")
+        _end(session, "done")
         return answer
 
     async def _relax(self) -> None:
-        """Brakes on and drives off after a session. A stopped arm has its drives off already."""
+        """Brakes on and drives off after a session, however it ended. A stopped arm has its drives off already."""
+        loop = self.moving.loop
+        if not loop.alive:
+            return
+        try:
+            state = (await asyncio.to_thread(loop.status)).state
+        except InputError:
+            # It lives and does not answer: whatever it is at, a stop is what it shall find first when it is back.
+            state = LoopState.PLAYING
+        if state is LoopState.HOLDING:
+            await self.moving.disable()
+        elif state in (LoopState.PLAYING, LoopState.ENABLING):
+            await self.moving.stop("the session ended before its motion did")
+
+    async def _keep_last_frames(self, session: Session) -> None:
+        """Put what passed on the buses just before the stop beside the session's recordings."""
         if not self.moving.loop.alive:
             return
-        status = await asyncio.to_thread(self.moving.loop.status)
-        if status.state in ENABLED:
-            await self.moving.disable()
-        elif status.state is LoopState.ENABLING:
-            await self.moving.stop("the session ended while the drives were being enabled")
+        try:
+            status = await asyncio.to_thread(self.moving.loop.status)
+            if status.last_frames:
+                session.write_last_frames(status.last_frames)
+        except InputError as problem:
+            log.error("session %s: the last frames were not kept: %s", session.id, problem)
+
+
+def _end(session: Session, state: SessionState, cause: str | None = None) -> None:
+    """Record the end. On a disk that takes nothing the ending is told all the same; the next start of the daemon
+    finds the session unfinished and says so."""
+    try:
+        session.end(state, cause)
+    except InputError as problem:
+        log.error("session %s ended (%s) and that could not be kept: %s", session.id, cause or state, problem)
 
 
 def _retrieve(work: asyncio.Task[dict[str, Any]]) -> None:

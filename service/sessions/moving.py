@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
@@ -19,6 +20,7 @@ from driver.recording import RecorderProcess
 from service.outcomes import ArmStopped
 from service.sessions.store import Session
 
+log = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 SessionController = Literal["pd", "computed_torque"]
 """Controllers that need nothing but the installation."""
@@ -38,7 +40,9 @@ class MovingArm:
         self.recorder = recorder
 
     async def enable(self, mode: Mode) -> None:
-        """Enable all drives; the arm holds where it is."""
+        """Enable all drives; the arm holds where it is. What could not be recorded is not begun: raises InputError
+        when the recorder is gone."""
+        await asyncio.to_thread(self.recorder.status)
         await asyncio.to_thread(self.loop.enable, mode)
 
     async def disable(self) -> None:
@@ -71,8 +75,14 @@ class MovingArm:
             await asyncio.to_thread(self.loop.run_for, AT_REST_BEFORE_S)
             await self._play(plan, progress)
             await asyncio.to_thread(self.loop.run_for, AT_REST_AFTER_S)
-        finally:
-            await asyncio.to_thread(self.recorder.stop_run)
+        except BaseException:
+            try:
+                await asyncio.to_thread(self.recorder.stop_run)
+            except InputError as problem:
+                # Why the motion ended is the answer; the file can be recovered.
+                log.error("%s", problem)
+            raise
+        await asyncio.to_thread(self.recorder.stop_run)
         return path
 
     async def _play(self, plan: Plan, progress: Callable[[float], None]) -> None:

@@ -3,14 +3,17 @@
 <state>/<arm>/sessions/<id>/session.json      what was asked, how far it came, how it ended
                             *.mcap            the recordings
                             result.json       the answer, once there is one
+                            last-frames.txt   what passed on the buses just before a stop
                             *.toml, *.png     models and plots
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +23,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from config import InputError
 from service.answers import finite
 
+log = logging.getLogger(__name__)
+LAST_FRAMES = "last-frames.txt"
 SessionState = Literal["running", "done", "stopped", "failed", "interrupted"]
 Kind = Literal["run", "identify-links", "identify-load", "practise", "compare-controllers"]
 
@@ -49,12 +54,29 @@ class SessionRecord(BaseModel):
 
 def write_atomically(path: Path, text: str) -> None:
     """Replace ``path`` by ``text``: a reader, or a crash, sees the old file or the new one, whole."""
+    with _draft(path, text) as draft:
+        draft.replace(path)
+
+
+def write_once(path: Path, text: str) -> None:
+    """Make ``path`` with ``text``: whoever looks, or a crash, finds no file or the whole one. FileExistsError when
+    it is there: of two that come at once, one."""
+    with _draft(path, text) as draft:
+        os.link(draft, path)
+
+
+@contextmanager
+def _draft(path: Path, text: str) -> Iterator[Path]:
+    """The text on disk under a name that nobody looks for; removed when it was not renamed."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
-    with draft.open("w") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
+    try:
+        with draft.open("w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        yield draft
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 class Session:
@@ -69,9 +91,9 @@ class Session:
         return self.record.id
 
     def update(self, **changes: Any) -> None:
-        """Change the record's fields, in memory and on disk."""
+        """Change the record's fields, in memory and on disk. Raises InputError when the disk refuses."""
         self.record = self.record.model_copy(update=changes)
-        write_atomically(self.directory / "session.json", self.record.model_dump_json(indent=1) + "\n")
+        self._write("session.json", self.record.model_dump_json(indent=1))
 
     def end(self, state: SessionState, cause: str | None = None) -> None:
         share = 1.0 if state == "done" else self.record.progress
@@ -80,7 +102,24 @@ class Session:
     def write_result(self, result: dict[str, Any]) -> None:
         """Keep the answer as ``result.json``, NaN and infinity as null."""
         text = json.dumps(finite(result), indent=1, allow_nan=False, ensure_ascii=False)
-        write_atomically(self.directory / "result.json", text + "\n")
+        self._write("result.json", text)
+
+    def write_last_frames(self, lines: Sequence[str]) -> None:
+        """Keep what passed on the buses just before a stop: time in s, bus, direction, identifier and bytes a line."""
+        self._write(LAST_FRAMES, "\n".join(lines))
+
+    @property
+    def last_frames(self) -> Path | None:
+        """The file of `write_last_frames`, where the session has one."""
+        path = self.directory / LAST_FRAMES
+        return path if path.is_file() else None
+
+    def _write(self, name: str, text: str) -> None:
+        path = self.directory / name
+        try:
+            write_atomically(path, text + "\n")
+        except OSError as error:
+            raise InputError(str(path), f"cannot be written ({error.strerror})", "free some space") from None
 
     def result(self) -> dict[str, Any] | None:
         path = self.directory / "result.json"
@@ -119,7 +158,11 @@ class SessionStore:
             id=name, kind=kind, arm=self.arm, arguments=arguments, attached=attached, started_by_uid=uid, started=_now()
         )
         session = Session(self.directory / name, record)
-        session.update()
+        try:
+            session.update()
+        except InputError:
+            session.directory.rmdir()
+            raise
         return session
 
     def open(self, session_id: str) -> Session:
@@ -138,11 +181,14 @@ class SessionStore:
             raise InputError(str(path), f"is not a session's record ({error.errors()[0]['msg']})") from None
 
     def all(self) -> Iterator[Session]:
-        """Every readable session, oldest first."""
+        """Every readable session, oldest first; a record that cannot be read is logged, and hides no other."""
         if not self.directory.is_dir():
             return
         for path in sorted(self.directory.glob("*/session.json"), key=lambda p: (p.stat().st_mtime_ns, p)):
-            yield self.open(path.parent.name)
+            try:
+                yield self.open(path.parent.name)
+            except InputError as problem:
+                log.warning("left out: %s", problem)
 
     def end_abandoned(self) -> list[str]:
         """Mark sessions that a daemon left running when it died; returns their ids. Needs the arm's lock."""

@@ -208,29 +208,35 @@ def commissioned(installation: Installation, stand_in: StandIn) -> Iterator[Benc
 COMMAND = struct.Struct("<I")
 
 
-def commands_on_the_wire(
-    installation: Installation, cycles: Sequence[Published]
-) -> Iterator[tuple[int, int, str, float]]:
-    """(time, joint, quantity, value) of every command sent to an enabled drive, decoded apart from the driver's codec.
+def decoded_commands(installation: Installation, bus: int, data: bytes) -> Iterator[tuple[int, str, float]]:
+    """(joint, quantity, value) of every command to an enabled drive in frames of bus number ``bus``, decoded apart
+    from the driver's codec.
 
     Quantities: ``position`` rad, ``torque`` N·m; of layouts with the controlword first.
     """
-    buses = [bus.name for bus in installation.bus]
-    joints = {(buses.index(j.bus), 0x200 + j.node_id): i for i, j in enumerate(installation.joint)}
+    name = installation.bus[bus].name
+    joints = {0x200 + j.node_id: i for i, j in enumerate(installation.joint) if j.bus == name}
+    for at in range(0, len(data), 16):
+        (can_id,) = COMMAND.unpack_from(data, at)
+        joint = joints.get(can_id)
+        if joint is None or data[at + 8] & 0x0F != 0x0F:
+            continue  # a controlword that does not enable: its targets move nothing
+        j = installation.joint[joint]
+        payload = data[at + 8 : at + 8 + data[at + 4]]
+        torque = struct.unpack_from("<h", payload, len(payload) - 2)[0]
+        yield joint, "torque", j.encoder.sign * torque * j.rated_torque_nm / 1000
+        if len(payload) == 8:
+            counts = struct.unpack_from("<i", payload, 2)[0]
+            angle = j.encoder.sign * counts / j.encoder.counts_per_turn * 2 * np.pi + j.encoder.zero_rad
+            yield joint, "position", angle
+
+
+def commands_on_the_wire(
+    installation: Installation, cycles: Sequence[Published]
+) -> Iterator[tuple[int, int, str, float]]:
+    """(time, joint, quantity, value) of every command that was sent to an enabled drive."""
     for cycle in cycles:
         for bus, sent, time_ns, data in cycle.batches:
-            if not sent:
-                continue
-            for at in range(0, len(data), 16):
-                (can_id,) = COMMAND.unpack_from(data, at)
-                joint = joints.get((bus, can_id))
-                if joint is None or data[at + 8] & 0x0F != 0x0F:
-                    continue  # a controlword that does not enable: its targets move nothing
-                j = installation.joint[joint]
-                payload = data[at + 8 : at + 8 + data[at + 4]]
-                torque = struct.unpack_from("<h", payload, len(payload) - 2)[0]
-                yield time_ns, joint, "torque", j.encoder.sign * torque * j.rated_torque_nm / 1000
-                if len(payload) == 8:
-                    counts = struct.unpack_from("<i", payload, 2)[0]
-                    angle = j.encoder.sign * counts / j.encoder.counts_per_turn * 2 * np.pi + j.encoder.zero_rad
-                    yield time_ns, joint, "position", angle
+            if sent:
+                for command in decoded_commands(installation, bus, data):
+                    yield time_ns, *command

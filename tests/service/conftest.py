@@ -9,7 +9,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,11 @@ from config.loader import installation_path
 from service.supervision import SupervisedProcess
 
 READY_S = 90.0
+SLOW = """
+kind = "polynomial"
+way_points_rad = [[3.58, 2.69, 1.75], [3.2, 2.4, 1.4], [3.58, 2.69, 1.75]]
+duration_s = [8.0, 8.0]
+"""
 
 
 def _hear_ctrl_c() -> None:
@@ -66,6 +72,30 @@ class House:
         shutil.copytree(source.parent, self.folder / "arm")
         return self.folder / "arm" / source.name
 
+    def processes(self) -> list[int]:
+        """Processes that work in this run directory."""
+        marker = f"ETUDE_RUN={self.environment['ETUDE_RUN']}".encode()
+        found = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                if int(entry.name) != os.getpid() and marker in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue  # it has ended meanwhile, or is not ours to see
+        return found
+
+    def process(self, words: bytes) -> int:
+        """The one process with these words in its command line."""
+        found = [pid for pid in self.processes() if words in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        assert len(found) == 1, (words, found)
+        return found[0]
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        deadline = time.monotonic() + 60
+        while not condition():
+            assert time.monotonic() < deadline, f"not within a minute: {what}"
+            time.sleep(0.1)
+
 
 @pytest.fixture
 def house(monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
@@ -98,3 +128,36 @@ def running_house() -> Iterator[House]:
         finally:
             for process in reversed(running):
                 process.stop()
+
+
+@pytest.fixture
+def start(house: House) -> Iterator[Callable[..., SupervisedProcess]]:
+    """Starts `etude virtual` or `etude daemon`, ready, of the direct drive arm in lockstep or as the arguments say;
+    all are ended at last."""
+    running: list[SupervisedProcess] = []
+
+    def starting(command: str, *arguments: str) -> SupervisedProcess:
+        process = SupervisedProcess([command, *(arguments or ("--config", "dda", "--lockstep"))], house.environment)
+        running.append(process)
+        process.wait_ready(READY_S)
+        return process
+
+    yield starting
+    for process in reversed(running):
+        process.stop()
+    house.wait_until(lambda: house.processes() == [], "no process is left")
+
+
+@pytest.fixture
+def playing(house: House, tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
+    """Starts a client whose slow motion is being played."""
+
+    def begin(*options: str) -> subprocess.Popen[str]:
+        path = tmp_path / "slow.toml"
+        path.write_text(SLOW)
+        client = house.popen("run", str(path), *options)
+        assert client.stderr is not None
+        assert any(line.startswith("playing") for line in client.stderr), client.wait()
+        return client
+
+    return begin

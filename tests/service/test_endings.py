@@ -4,76 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from driver.recording import read_recording, recover
-from service.supervision import SupervisedProcess
 
 pytestmark = pytest.mark.timeout(180)
-
-SLOW = """
-kind = "polynomial"
-way_points_rad = [[3.58, 2.69, 1.75], [3.2, 2.4, 1.4], [3.58, 2.69, 1.75]]
-duration_s = [8.0, 8.0]
-"""
-
-
-def processes_of(house: Any) -> list[int]:
-    """Processes that work in this run directory."""
-    marker = f"ETUDE_RUN={house.environment['ETUDE_RUN']}".encode()
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            if int(entry.name) != os.getpid() and marker in (entry / "environ").read_bytes().split(b"\0"):
-                found.append(int(entry.name))
-        except OSError:
-            continue  # it has ended meanwhile, or is not ours to see
-    return found
-
-
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline, f"not within a minute: {what}"
-        time.sleep(0.1)
-
-
-@pytest.fixture
-def start(house: Any) -> Iterator[Callable[[str], SupervisedProcess]]:
-    """Starts `etude virtual` or `etude daemon` in lockstep, ready; all are ended at last."""
-    running: list[SupervisedProcess] = []
-
-    def starting(command: str) -> SupervisedProcess:
-        process = SupervisedProcess([command, "--config", "dda", "--lockstep"], house.environment)
-        running.append(process)
-        process.wait_ready(90)
-        return process
-
-    yield starting
-    for process in reversed(running):
-        process.stop()
-    wait_until(lambda: processes_of(house) == [], "no process is left")
-
-
-@pytest.fixture
-def playing(house: Any, tmp_path: Path) -> Callable[[], subprocess.Popen[str]]:
-    """Starts a client whose slow motion is being played."""
-
-    def begin() -> subprocess.Popen[str]:
-        path = tmp_path / "slow.toml"
-        path.write_text(SLOW)
-        client: subprocess.Popen[str] = house.popen("run", str(path))
-        assert client.stderr is not None
-        assert any(line.startswith("playing") for line in client.stderr), client.wait()
-        return client
-
-    return begin
 
 
 def test_a_daemon_asked_to_end_stops_the_arm_and_closes_its_files(house: Any, start: Any, playing: Any) -> None:
@@ -101,7 +39,7 @@ def test_a_killed_daemon_takes_the_loop_along_and_loses_little(house: Any, start
     _, told = client.communicate(timeout=60)
     assert client.returncode == 4
     assert "went away" in told
-    wait_until(lambda: len(processes_of(house)) == 1, "only the stand-in is left")
+    house.wait_until(lambda: len(house.processes()) == 1, "only the stand-in is left")
     start("daemon")
     session = house.answer("report", "last")
     assert session["state"] == "interrupted"
@@ -128,9 +66,8 @@ def test_a_loop_that_dies_ends_the_daemon_with_its_reason(house: Any, start: Any
     start("virtual")
     daemon = start("daemon")
     client = playing()
-    cyclic = [pid for pid in processes_of(house) if b"driver.cyclic" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    assert len(cyclic) == 1
-    os.kill(cyclic[0], signal.SIGKILL)
+    cyclic = house.process(b"driver.cyclic")
+    os.kill(cyclic, signal.SIGKILL)
     _, told = client.communicate(timeout=60)
     assert client.returncode == 3
     assert "signal 9" in told
@@ -153,7 +90,7 @@ def test_up_in_wall_clock_time_and_down_by_ctrl_c(house: Any) -> None:
     up.send_signal(signal.SIGINT)
     up.communicate(timeout=60)
     assert up.returncode == 0
-    wait_until(lambda: processes_of(house) == [], "no process is left")
+    house.wait_until(lambda: house.processes() == [], "no process is left")
     left = {p.name for p in (house.folder / "run").iterdir()}
     assert left <= {"dda.lock"}
 

@@ -1,0 +1,164 @@
+"""The host's own troubles, with real processes: stopped, killed, out of disk."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from driver.recording import read_recording, recover
+from driver.recording import replay as replay_file
+
+pytestmark = pytest.mark.timeout(300)
+
+MOTION = """
+kind = "polynomial"
+way_points_rad = [[3.58, 2.69, 1.75], [3.4, 2.55, 1.6], [3.58, 2.69, 1.75]]
+duration_s = [1.6, 1.6]
+"""
+RECORDER = b"spawn_main"
+"""In the command line of the recorder, which multiprocessing starts."""
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path: Path = tmp_path_factory.mktemp("motion") / "there-and-back.toml"
+    path.write_text(MOTION)
+    return path
+
+
+def begun(house: Any, motion: Path, *options: str) -> Any:
+    """A client whose motion is being played."""
+    client = house.popen("run", str(motion), "--arm", "dda", *options)
+    assert any(line.startswith("playing") for line in client.stderr), client.wait()
+    return client
+
+
+@contextmanager
+def no_room_left(pid: int, limit: int) -> Iterator[None]:
+    """No file of the process may grow beyond ``limit`` bytes: what a full disk does to it, and to it alone."""
+    before = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
+
+
+def last_session(house: Any) -> dict[str, Any]:
+    session: dict[str, Any] = house.answer("report", "last", "--arm", "dda")
+    return session
+
+
+def test_processes_stopped_and_continued_lose_nothing(running_house: Any, motion: Path) -> None:
+    """SIGSTOP and SIGCONT of the loop, the recorder, the daemon and the stand-in while the arm moves."""
+    house = running_house
+    client = begun(house, motion)
+    for words in (b"driver.cyclic", RECORDER, b"daemon\0", b"virtual\0"):
+        pid = house.process(words)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.2)
+        os.kill(pid, signal.SIGCONT)
+    _, told = client.communicate(timeout=100)
+    assert client.returncode == 0, told
+    session = last_session(house)
+    assert session["state"] == "done"
+    path = Path(session["directory"]) / session["recordings"][0]
+    recording = read_recording(path)
+    assert np.diff(recording.t) == pytest.approx(recording.period, rel=1e-6)
+    assert np.isfinite(recording.q).all()
+    assert replay_file(path).identical
+
+
+def test_a_disk_without_room_ends_the_session_after_the_motion(running_house: Any, motion: Path) -> None:
+    """The arm goes on to the motion's end; the session says which file is cut, and what was written is kept."""
+    house = running_house
+    with no_room_left(house.process(RECORDER), 300_000):
+        client = begun(house, motion)
+        _, told = client.communicate(timeout=100)
+    assert client.returncode == 2, told
+    assert "Traceback" not in told
+    session = last_session(house)
+    assert session["state"] == "failed"
+    assert "File too large" in session["cause"]
+    assert house.answer("status", "--arm", "dda")["state"] == "idle"
+    left = Path(session["directory"]) / session["recordings"][0]
+    assert left.stat().st_size <= 300_000
+    recover(left)
+    assert len(read_recording(left).t) > 100
+
+
+def test_a_session_that_cannot_keep_its_record_leaves_the_arm_off(running_house: Any, motion: Path) -> None:
+    """The disk of the sessions is full before one begins, and from the middle of one on."""
+    house = running_house
+    daemon = house.process(b"daemon\0")
+    with no_room_left(daemon, 100):
+        refused = house.etude("run", str(motion), "--arm", "dda")
+    assert refused.returncode == 2, refused.stderr
+    assert "File too large" in refused.stderr
+    client = begun(house, motion)
+    with no_room_left(daemon, 100):
+        _, told = client.communicate(timeout=100)
+        assert client.returncode == 2, told
+        assert "File too large" in told
+        assert house.answer("status", "--arm", "dda")["state"] == "idle"
+
+
+def test_a_killed_recorder_is_told_and_what_it_wrote_is_kept(running_house: Any, motion: Path) -> None:
+    """The arm goes on to the motion's end; nothing is moved any more that could not be recorded."""
+    house = running_house
+    client = begun(house, motion)
+    os.kill(house.process(RECORDER), signal.SIGKILL)
+    _, told = client.communicate(timeout=100)
+    assert client.returncode == 2, told
+    assert "recorder" in told
+    session = last_session(house)
+    assert (session["state"], "recorder" in session["cause"]) == ("failed", True)
+    left = Path(session["directory"]) / session["recordings"][0]
+    recover(left)
+    assert len(read_recording(left).t) > 20, "at least the rest before the motion"
+    cycles = house.answer("status", "--arm", "dda")["cycles"]
+    refused = house.etude("run", str(motion), "--arm", "dda")
+    assert refused.returncode == 2
+    assert "recorder" in refused.stderr
+    status = house.answer("status", "--arm", "dda")
+    assert (status["state"], status["cycles"]) == ("idle", cycles)
+
+
+def test_a_loop_stopped_on_the_wall_clock_neither_bursts_nor_goes_on(house: Any, start: Any, motion: Path) -> None:
+    """Stopped for longer than the drives' patience: they stop by themselves; the loop finds it when it is back."""
+    config = house.arm_files()
+    text = config.read_text().replace("rate_hz = 1000", "rate_hz = 200\nmissed_deadlines_to_stop = 60")
+    config.write_text(text.replace("heartbeat_ms = 20", "heartbeat_ms = 400"))
+    start("virtual", "--config", str(config))
+    start("daemon", "--config", str(config))
+    client = begun(house, motion)
+    cyclic = house.process(b"driver.cyclic")
+    os.kill(cyclic, signal.SIGSTOP)
+    time.sleep(1.5)
+    os.kill(cyclic, signal.SIGCONT)
+    _, told = client.communicate(timeout=100)
+    assert client.returncode == 3, told
+    status = house.answer("status", "--arm", "dda")
+    assert status["state"] == "latched"
+    assert status["cause"] and status["last_frames"]
+    shown = house.etude("status", "--arm", "dda").stdout
+    assert "etude reset" in shown and status["last_frames"][-1] in shown
+    session = last_session(house)
+    assert session["state"] == "stopped"
+    assert "etude reset" in session["next"]
+    assert Path(session["last_frames"]).read_text().splitlines() == status["last_frames"]
+    recording = read_recording(Path(session["directory"]) / session["recordings"][0])
+    steps = [b - a for a, b in pairwise(recording.t)]
+    assert max(steps) > 1.4
+    assert min(steps) > 0.4 * 0.005, "after the stall no two SYNCs came together"
+    assert house.answer("reset", "--arm", "dda")["state"] == "idle"
