@@ -66,7 +66,7 @@ class Conditional:
             place = design.position[channel][active]
             enters = np.flatnonzero(place >= 0)
             own = place[enters]
-            matrix[np.ix_(enters, enters)] += weights[channel] * gram[np.ix_(own, own)]
+            matrix[enters[:, None], enters] += weights[channel] * gram[own[:, None], own]
             self.right[design.members[channel]] += weights[channel] * gram[:-1, -1]
         matrix[:given, :given] += design.precision
         diagonal = np.diag(matrix)
@@ -88,7 +88,7 @@ class Conditional:
         for channel, gram in enumerate(self.block.grams):
             members, place = self.design.members[channel], self.design.position[channel][self.active]
             enters = np.flatnonzero(place >= 0)
-            result[np.ix_(enters, members)] += self.weights[channel] * gram[place[enters], :-1]
+            result[enters[:, None], members] += self.weights[channel] * gram[place[enters], :-1]
         return result
 
     @cached_property
@@ -118,7 +118,7 @@ class Conditional:
             enters = place >= 0
             direction = np.append(-value[enters], 1.0)
             chosen = np.append(place[enters], len(gram) - 1)
-            result[channel] = direction @ gram[np.ix_(chosen, chosen)] @ direction
+            result[channel] = direction @ gram[chosen[:, None], chosen] @ direction
         return result
 
     def remaining(self, group: Group) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -63,8 +63,16 @@ class Search:
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
         self.weights = np.ones(len(design.channels))
-        self.chance: Chance = resample(self.model([]), self.groups)
         self._training: dict[int, Block] = {}
+        self._sizes: dict[int, int] = {}
+        self._forget()
+        self.chance: Chance = resample(self.model([]), self.groups)
+
+    def _forget(self) -> None:
+        """At other weights nothing that was worked out holds any longer."""
+        self._supports: dict[frozenset[int], float] = {}
+        self._gains: dict[frozenset[int], Array] = {}
+        self._held_out: dict[tuple[int, frozenset[int]], float] = {}
 
     def model(self, chosen: Sequence[int], block: Block | None = None) -> Conditional:
         """The given model with these candidates, fitted at the present weights."""
@@ -80,10 +88,16 @@ class Search:
     def reweigh(self, chosen: Sequence[int]) -> None:
         """What is not explained counts as noise: a channel weighs the less the worse it is understood."""
         self.weights = 1.0 / np.maximum(1.0, self.excess(chosen))
+        self._forget()
 
     def size(self, candidate: int) -> int:
         """Physical parameters of a candidate: what only shapes its columns, such as the width of a sign, is no freedom
         that could stand for another cause."""
+        if candidate not in self._sizes:
+            self._sizes[candidate] = self._physical(candidate)
+        return self._sizes[candidate]
+
+    def _physical(self, candidate: int) -> int:
         own = self.design.candidates[candidate]
         if self.is_map[own.hypothesis]:
             return len(own.columns)
@@ -98,13 +112,23 @@ class Search:
 
     def support(self, chosen: Sequence[int]) -> float:
         """Log-likelihood of a model above the given one's, less its penalty."""
-        model = self.model(chosen)
-        explained = float(0.5 * (model.right[model.active] @ model.value))
-        return explained - self.penalty(chosen)
+        key = frozenset(chosen)
+        if key not in self._supports:
+            model = self.model(chosen)
+            explained = float(0.5 * (model.right[model.active] @ model.value))
+            self._supports[key] = explained - self.penalty(chosen)
+        return self._supports[key]
+
+    def gains(self, chosen: Sequence[int]) -> Array:
+        """(candidates,) log-likelihood that each candidate would add."""
+        key = frozenset(chosen)
+        if key not in self._gains:
+            self._gains[key] = self.model(chosen).gains(self.groups)[0]
+        return self._gains[key]
 
     def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
         """Best candidate of every other effect (or of every map), its gain and its gain less penalty, best first."""
-        gains, _ = self.model(chosen).gains(self.groups)
+        gains = self.gains(chosen)
         taken = {self.owner[k] for k in chosen}
         best: dict[int, int] = {}
         for k in np.argsort(-gains):
@@ -118,17 +142,26 @@ class Search:
         chosen: list[int] = []
         self.reweigh(chosen)
         limit = _MOST_CAUSES_A_JOINT * self.design.body.n
+        # A cause that is put in another's place, or taken out again, must not come back for ever.
+        seen = {frozenset(chosen)}
         while len(chosen) < limit:
-            grown = self._step(chosen)
+            grown = next((g for g in self._steps(chosen) if frozenset(g) not in seen), None)
             if grown is None:
                 break
-            chosen = self._pruned(self._merged(self._simplified(grown), self._joint(grown[-1])))
+            chosen = grown
+            seen.add(frozenset(chosen))
             self.reweigh(chosen)
         chosen = self._pruned(self._swapped(chosen))
         return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
 
     def held_out(self, candidate: int, others: Sequence[int]) -> float:
         """Log-likelihood that a candidate gains on data left out, in its standard errors over the blocks."""
+        key = (candidate, frozenset(others))
+        if key not in self._held_out:
+            self._held_out[key] = self._gain_left_out(candidate, others)
+        return self._held_out[key]
+
+    def _gain_left_out(self, candidate: int, others: Sequence[int]) -> float:
         gains = np.empty(len(self.blocks))
         for fold in np.unique(self.folds):
             train = self._without(int(fold))
@@ -146,16 +179,20 @@ class Search:
             self._training[fold] = less(self.total, out)
         return self._training[fold]
 
-    def _step(self, chosen: list[int]) -> list[int] | None:
-        """One more cause, or None when none is supported."""
+    def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
+        """What the model may become by one more cause, the best supported first; nothing when none is supported."""
         for candidate, gain, supported in self.ranked(chosen)[:_TRIED]:
-            if supported <= 0.0 or not self._matters(candidate, chosen) or not self._apart(candidate, chosen):
-                continue
-            if self.chance.false_alarm(int(self.owner[candidate]), gain) > FALSE_ALARM:
-                continue
-            if self.held_out(candidate, chosen) > _HELD_OUT:
-                return [*chosen, candidate]
-        return None
+            if supported <= 0.0:
+                return
+            # The dearest question last: a fit to each fold.
+            if (
+                self.chance.false_alarm(int(self.owner[candidate]), gain) <= FALSE_ALARM
+                and self._matters(candidate, chosen)
+                and self._apart(candidate, chosen)
+                and self.held_out(candidate, chosen) > _HELD_OUT
+            ):
+                grown = [*chosen, candidate]
+                yield self._pruned(self._merged(self._simplified(grown), self._joint(candidate)))
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
@@ -183,7 +220,8 @@ class Search:
         for channel, gram in enumerate(self.total.grams):
             place = self.design.position[channel][np.concatenate([first, second])]
             enters = np.flatnonzero(place >= 0)
-            products[np.ix_(enters, enters)] += self.weights[channel] * gram[np.ix_(place[enters], place[enters])]
+            own = place[enters]
+            products[enters[:, None], enters] += self.weights[channel] * gram[own[:, None], own]
         cross, others = products[: len(first), len(first) :], products[len(first) :, len(first) :]
         explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
         energy = np.diag(products)[: len(first)]
@@ -225,9 +263,8 @@ class Search:
             for k, other in enumerate(self.design.candidates)
             if (h := self.design.hypotheses[other.hypothesis]).effect.name == name and h.place == place
         ]
-        if not same:
-            return None
-        return max(same, key=lambda k: self.support([*others, k]))
+        gains = self.gains(others)
+        return max(same, key=lambda k: gains[k] - self.penalty([k]), default=None)
 
     def _merged(self, chosen: list[int], joint: int | None) -> list[int]:
         """One effect in place of several at this joint, where that is better supported."""

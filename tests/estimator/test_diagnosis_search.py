@@ -1,0 +1,65 @@
+"""The search for causes: it ends, and what it remembers is what it would work out again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.search import Search
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def evidence(
+    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> Evidence:
+    """Of two joints with friction, each of three motions played twice."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + 0.8 * np.sign(dq) + 0.5 * dq
+        for _ in range(2):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + 0.2 * random.normal(size=q.shape)))
+    return gather(body, recordings, 0.05)
+
+
+@pytest.fixture
+def search(evidence: Evidence) -> Search:
+    return Search(evidence.design, evidence.blocks, evidence.folds)
+
+
+def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(_: Search, chosen: Sequence[int]) -> list[int]:
+        return []
+
+    monkeypatch.setattr(Search, "_pruned", nothing)
+    assert search.run() == []
+
+
+def test_what_is_remembered_is_forgotten_at_other_weights(search: Search) -> None:
+    before = search.gains([]).copy()
+    assert search.run()
+    chosen = [cause.candidate for cause in search.run()]
+    search.reweigh(chosen)
+    weighted = search.gains([])
+    np.testing.assert_allclose(weighted, search.model([]).gains(search.groups)[0])
+    search.weights = np.ones_like(search.weights)
+    search.reweigh([])
+    assert np.all(search.weights < 0.9)
+    assert not np.allclose(search.gains([])[np.isfinite(before)], before[np.isfinite(before)])
+
+
+def test_friction_of_both_joints_is_found_with_motions_left_out(search: Search) -> None:
+    found = set()
+    for cause in search.run():
+        assert cause.held_out > 1.64
+        hypothesis = search.design.hypotheses[search.design.candidates[cause.candidate].hypothesis]
+        found.add(hypothesis.place.joint)
+    assert found == {0, 1}
