@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 
 _UNTOLD = 1e3
 """Standard deviation of each parameter of a link that the model gives no mass (kg, kg·m, kg·m²)."""
-
+_STIFFEST = 1e-9
+"""Share of the widest combination's variance (of normalised parameters) that every other has at least."""
 
 _TIMING = {"torque": 0.25, "velocity": 0.4}
 """Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly (a
@@ -53,4 +54,7 @@ def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> A
             covariance[span, span] = _UNTOLD**2 * np.eye(10)
     spread = base.combination @ covariance @ base.combination.T
     scale = np.sqrt(np.diag(spread))
-    return np.asarray(np.linalg.inv(spread / np.outer(scale, scale)) / np.outer(scale, scale))
+    # Bodies that are all but flat or a point leave combinations that may hardly vary: bounded, so that they invert.
+    values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
+    kept = np.maximum(values, _STIFFEST * values[-1])
+    return np.asarray((vectors / kept) @ vectors.T / np.outer(scale, scale))

@@ -1,6 +1,7 @@
-"""`etude demo`: stand-in arm and daemon as processes, the thesis' motions over the bus, the links identified, compared.
+"""`etude demo`: stand-in arm and daemon as processes; the thesis' motions over the bus, the links identified and
+compared, a motion practised, what the model lacks named.
 
-The same commands do each step alone: etude up --virtual --lockstep, etude identify links, etude identify links FILE….
+The same commands do each step alone: etude up --virtual --lockstep, etude identify links, practise, diagnose.
 """
 
 from __future__ import annotations
@@ -19,15 +20,21 @@ from service.cli.console import progress, say
 from service.daemon.client import DaemonClient
 from service.demo.real_arm import identify_real_arm
 from service.demo.thesis_tables import beside_the_tables, comparison_table
+from service.diagnosis.diagnosing import diagnose_recordings
+from service.diagnosis.request import DiagnoseRequest
 from service.identification.links import LinksOutcome, identify
 from service.identification.request import LinksRequest
 from service.outcomes import ArmStopped
+from service.practice.answers import practice_report
+from service.reports.diagnosis_tables import diagnosis_report
 from service.reports.link_tables import residual_tables
 from service.supervision import StartFailed, SupervisedProcess
 
 ARM = "dda"
-HELD_OUT = ("dda-practice",)
+PRACTISED = "dda-practice"
 """Table 6.1's motion: nothing of it is in the three that are learnt from."""
+HELD_OUT = (PRACTISED,)
+TRIALS = 3
 READY_TIMEOUT_S = 60.0
 
 
@@ -55,18 +62,31 @@ def tell_story(out: Path, *, lockstep: bool) -> tuple[dict[str, Any], list[Rende
                 if slow is None:
                     raise
                 raise ArmStopped(slow) from None
-    say("3. the links are identified from the recordings")
-    outcome = _identified(session, out)
-    for note in outcome.answer["notes"]:
-        say(f"   {note}")
+        say("3. the links are identified from the recordings")
+        outcome = _identified(session, out)
+        for note in outcome.answer["notes"]:
+            say(f"   {note}")
+        say("4. with the identified model the arm practises another motion")
+        with DaemonClient(run, ARM) as daemon, progress() as tell:
+            practice = daemon.call(
+                "practise",
+                {"motion": PRACTISED, "model": str(outcome.model), "trials": TRIALS},
+                lambda news: tell(news["stage"], news["share"]) if news["stage"] else None,
+            )
     rows = beside_the_tables(outcome.result)
-    say("4. the same identification on a recording of a real arm")
+    say("5. what the CAD model gets wrong is given its causes")
+    diagnosis = _diagnosed(session, out)
+    say("6. the same identification on a recording of a real arm")
     real = identify_real_arm(out)
-    shown: list[RenderableType] = [comparison_table(rows), *residual_tables(outcome.answer), *real.shown]
+    shown: list[RenderableType] = [comparison_table(rows), *residual_tables(outcome.answer)]
+    shown += ["", "Practice of the motion of Table 6.1, with the identified model", *practice_report(practice)]
+    shown += ["", "What the CAD model of the arm gets wrong", *diagnosis_report(diagnosis), *real.shown]
     shown += _places(session, outcome, real.answer)
     answer = {
         "links": outcome.answer,
         "beside_the_thesis": rows,
+        "practice": practice,
+        "diagnosis": diagnosis,
         "real_arm": real.answer,
         "recordings": session["recordings"],
         "session": session["session"],
@@ -91,9 +111,20 @@ def too_slow(status: dict[str, Any], stop: str) -> str | None:
 
 def _identified(session: dict[str, Any], out: Path) -> LinksOutcome:
     """From the recordings alone, as `etude identify links RECORDING…` does: the answer must not need the daemon."""
-    recordings = [Path(path) for path in session["recordings"]]
-    learnt, held_out = recordings[: -len(HELD_OUT)], recordings[-len(HELD_OUT) :]
-    return identify(LinksRequest(tuple(learnt), out, hold_out=tuple(held_out), arm=ARM))
+    learnt, held_out = _split(session)
+    return identify(LinksRequest(learnt, out, hold_out=held_out, arm=ARM))
+
+
+def _split(session: dict[str, Any]) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Recordings to learn from, and those that are held out."""
+    recordings = tuple(Path(path) for path in session["recordings"])
+    return recordings[: -len(HELD_OUT)], recordings[-len(HELD_OUT) :]
+
+
+def _diagnosed(session: dict[str, Any], out: Path) -> dict[str, Any]:
+    """The CAD model against the same recordings: what it gets wrong, by its causes."""
+    learnt, held_out = _split(session)
+    return diagnose_recordings(DiagnoseRequest(learnt, held_out, ARM, directory=out / "diagnosis")).answer
 
 
 @contextmanager
@@ -123,7 +154,7 @@ def _brought_up(out: Path, *, lockstep: bool) -> Iterator[Path]:
 
 def _places(session: dict[str, Any], outcome: LinksOutcome, real: dict[str, Any] | None) -> list[RenderableType]:
     relative = os.path.relpath
-    lines: list[RenderableType] = ["", "Everything is kept:"]
+    lines: list[RenderableType] = ["", "Everything is kept; diagnosis/report.html is a page to read:"]
     lines += [f"  recording  {relative(path)}" for path in session["recordings"]]
     for answer in (outcome.answer, *([real] if real else [])):
         lines += [f"  {what:<9}  {relative(answer[what])}" for what in ("model", "urdf", "plot") if answer[what]]

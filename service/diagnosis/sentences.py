@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from estimator.diagnosis.answer import Diagnosis, Finding, Quantity
 from estimator.effects import Place
+
+FEW = 5
+"""Parameters that a sentence takes without choosing."""
 
 
 def summary(diagnosis: Diagnosis) -> str:
@@ -25,15 +28,26 @@ def summary(diagnosis: Diagnosis) -> str:
 
 def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
     """ "joint 2 has viscous friction: coefficient 3.1 ± 0.2 N·m·s/rad; it explains 86 % of what can be explained"."""
-    values = ", ".join(f"{name} {quantity_text(q)}" for name, q in finding.parameters.items())
+    values = ", ".join(f"{name} {quantity_text(q)}" for name, q in _told(finding.parameters).items())
     sentence = (
-        f"{place_text(finding.place, joints)} {effect_text(finding.effect)}: {values}; "
+        f"{place_text(finding.place, joints)} {effect_text(finding.effect)}{': ' if values else ''}{values}; "
         f"it explains {100 * finding.share_of_explainable:.0f} % of what can be explained there"
     )
     if finding.status == "ambiguous":
         near = finding.alternatives[0]
         sentence += f", but so might {effect_text(near.effect)} of {place_text(near.place, joints, verb=False)}"
     return sentence
+
+
+def _told(parameters: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """Of many parameters those that stand out of their errors: the others the data do not tell one by one."""
+    if len(parameters) <= FEW:
+        return dict(parameters)
+    return {
+        name: q
+        for name, q in parameters.items()
+        if np.any(np.abs(np.atleast_1d(q.value)) > 2.0 * np.atleast_1d(q.standard_error))
+    }
 
 
 def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:

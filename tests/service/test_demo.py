@@ -14,11 +14,11 @@ from service.demo.real_arm import DATA
 from service.demo.thesis_tables import TABLE_4_1, TABLE_4_2
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_the_demo_ends_beside_the_thesis_tables(house: Any, tmp_path: Path) -> None:
     out = tmp_path / "demo"
     process = house.popen("demo", "--out", str(out), "--json", str(tmp_path / "demo.json"))
-    told, progress = process.communicate(timeout=280)
+    told, progress = process.communicate(timeout=580)
     assert process.returncode == 0, progress
     answer = json.loads((tmp_path / "demo.json").read_text())
     rows = answer["beside_the_thesis"]
@@ -34,8 +34,18 @@ def test_the_demo_ends_beside_the_thesis_tables(house: Any, tmp_path: Path) -> N
     assert (answer["real_arm"] is None) == (not DATA.is_dir())
     if answer["real_arm"] is None:
         assert "skipped" in told
+    practice = answer["practice"]
+    first, last = (
+        max(trial["velocity_error_rms"][j] / practice["repeatability"][j] for j in practice["repeatability"])
+        for trial in (practice["trials"][0], practice["trials"][-1])
+    )
+    assert last < 1.5 < first
+    # The thesis' own finding: what the CAD model lacks most is in the links 2 and 3, and joint 3 rubs.
+    causes = {(finding["effect"], finding["joint"]) for finding in answer["diagnosis"]["findings"]}
+    assert ("link_inertia", "joint2") in causes
+    assert (out / "diagnosis" / "report.html").stat().st_size > 10_000
     recordings = sorted(out.rglob("*.mcap"))
-    assert sorted(answer["recordings"]) == [str(path) for path in recordings]
+    assert {*answer["recordings"], *practice["recordings"]} == {str(path) for path in recordings}
     with recordings[0].open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         first = next(reader.iter_decoded_messages(["/joint_states"]))
