@@ -38,6 +38,8 @@ campaign: install  ## the hidden-effect campaign: how often the diagnosis is rig
 
 faults: install  ## inject every fault, print what was seen of it
 	$(BIN)/python -m tests.faults
+	ETUDE_FAULTS=full $(BIN)/pytest -q tests/faults/test_spoilt_streams.py tests/faults/test_random_commands.py \
+		tests/faults/test_long_run.py tests/driver/test_killed_while_writing.py tests/service/test_strangers.py
 
 lock:  ## resolve the dependencies again
 	$(PYTHON) -m venv .venv/lock && .venv/lock/bin/pip install --quiet uv

@@ -23,6 +23,9 @@ def read_recording(path: Path | str, topic: str = JOINT_STATES) -> Recording:
         raise InputError(str(path), "is a directory", remedy)
     if not path.exists():
         raise InputError(str(path), "there is no such file", "check the path")
+    if not path.is_file():
+        # A pipe or a device may never end, and a client of the daemon may name one.
+        raise InputError(str(path), "is no file", "name an .mcap or .csv file")
     return read_csv(path) if path.suffix.lower() in (".csv", ".txt") else read_mcap(path, topic)
 
 

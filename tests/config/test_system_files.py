@@ -45,6 +45,23 @@ def test_the_stand_in_may_not_touch_the_sensors_of_a_real_arm() -> None:
     assert settings(HERE / "systemd" / "etude-virtual@.service")["DeviceAllow"] == ["char-pts rw"]
 
 
+MOST_EXPOSED = 1.9
+"""Of 10; what is left has its reason in docs/safety.md."""
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+@pytest.mark.parametrize("unit", UNITS, ids=lambda p: p.name)
+def test_the_units_expose_little(unit: Path) -> None:
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=yes", "--no-pager", str(unit)],
+        capture_output=True, text=True, timeout=60, check=False, env={"LC_ALL": "C.UTF-8", "PATH": "/usr/bin:/bin"},
+    )  # fmt: skip
+    found = re.search(r"Overall exposure level for .*: ([\d.]+)", done.stdout)
+    if found is None:
+        pytest.skip("this systemd-analyze cannot judge a unit that is not installed")
+    assert float(found[1]) <= MOST_EXPOSED
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 @pytest.mark.parametrize("unit", UNITS, ids=lambda p: p.name)
 def test_systemd_understands_the_units(unit: Path, tmp_path: Path) -> None:

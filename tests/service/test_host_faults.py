@@ -17,6 +17,7 @@ import pytest
 
 from driver.recording import read_recording, recover
 from driver.recording import replay as replay_file
+from service.daemon.client import DaemonClient
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -25,6 +26,9 @@ kind = "polynomial"
 way_points_rad = [[3.58, 2.69, 1.75], [3.4, 2.55, 1.6], [3.58, 2.69, 1.75]]
 duration_s = [1.6, 1.6]
 """
+SESSIONS = 8
+MOST_GROWN_KB = 4000
+"""In the second half of the sessions, when allocators have what they keep: less than one session's cycles take."""
 RECORDER = b"spawn_main"
 """In the command line of the recorder, which multiprocessing starts."""
 
@@ -77,6 +81,28 @@ def test_processes_stopped_and_continued_lose_nothing(running_house: Any, motion
     assert np.diff(recording.t) == pytest.approx(recording.period, rel=1e-6)
     assert np.isfinite(recording.q).all()
     assert replay_file(path).identical
+
+
+def resident_kb(pid: int) -> int:
+    found = next(x for x in Path(f"/proc/{pid}/status").read_text().splitlines() if x.startswith("VmRSS"))
+    return int(found.split()[1])
+
+
+def test_memory_stays_flat_over_sessions(running_house: Any, tmp_path: Path) -> None:
+    """Of the loop, the recorder, the daemon and the stand-in, with clients that come, look and go beside them."""
+    house = running_house
+    short = tmp_path / "short.toml"
+    short.write_text(MOTION.replace("[1.6, 1.6]", "[0.6, 0.6]"))
+    watched = {words: house.process(words) for words in (b"driver.cyclic", RECORDER, b"daemon\0", b"virtual\0")}
+    sizes = []
+    for _ in range(SESSIONS):
+        with DaemonClient(house.folder / "run", "dda") as daemon:
+            assert daemon.call("run", {"motion": str(short)})["samples"] > 1000
+        with DaemonClient(house.folder / "run", "dda", looks_only=True) as looking:
+            assert looking.call("status")["state"] == "idle"
+        sizes.append({words: resident_kb(pid) for words, pid in watched.items()})
+    grown = {words: sizes[-1][words] - sizes[SESSIONS // 2][words] for words in watched}
+    assert max(grown.values()) < MOST_GROWN_KB, grown
 
 
 def test_a_disk_without_room_ends_the_session_after_the_motion(running_house: Any, motion: Path) -> None:
