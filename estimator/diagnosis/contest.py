@@ -1,0 +1,152 @@
+"""The hypotheses between which recordings leave a choice, as the small algebra that says what more data would decide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.conditional import Conditional, Group, groups_of
+from estimator.diagnosis.design import Design, Hypothesis, stretch_rows
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.grams import Block, total
+from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.search import Search
+from estimator.diagnosis.stretches import Stretch
+from estimator.effects import Signals
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SAMPLES_A_ROW = 4
+"""Of a motion that is only planned."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One hypothesis of a contest, on its grid of non-linear parameters."""
+
+    hypothesis: Hypothesis
+    candidates: Indices
+    """Among the contest's design."""
+    freedom: Array
+    """(candidates,) physical parameters of each: what its support costs is in proportion."""
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Rivals for one cause, the other causes that were found taken as found by both.
+
+    The data so far are in ``known``, the rows' noise in ``noise``, and how much each channel is believed in
+    ``weights``.
+    """
+
+    design: Design
+    """The other causes' candidates first, then every rival's."""
+    others: int
+    """How many candidates are other causes'."""
+    rivals: tuple[Rival, ...]
+    """The finding, then what could stand in its stead."""
+    known: Block
+    weights: Array
+    noise: Noise
+    band: float
+    """Hz of the rows."""
+
+    @property
+    def active(self) -> Indices:
+        """Unknowns that every rival shares: the given model's, and the other causes'."""
+        last = self.design.given + sum(len(c.columns) for c in self.design.candidates[: self.others])
+        return np.arange(last)
+
+    @property
+    def rate(self) -> float:
+        """Hz at which a planned motion is to be sampled."""
+        return 2.0 * self.band * SAMPLES_A_ROW
+
+    def planned(self, t: Array, q: Array, dq: Array, ddq: Array, playings: int) -> Block:
+        """What a motion sampled at `rate` would add, its torques not known yet: Gram matrices whose last row is zero.
+
+        ``t`` (samples,), ``q, dq, ddq`` (samples, n).
+        """
+        signals = Signals.of_motion(self.design.body, t, q, dq, ddq)
+        nothing = np.zeros((len(t), len(self.design.channels)))
+        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing), SAMPLES_A_ROW, self.noise)
+        return Block(0, playings * rows[0].shape[1], [playings * x @ x.T for x in rows])
+
+    def support(self, block: Block) -> Array:
+        """(rivals,) nats by which each rival explains a block, less what its freedom costs."""
+        gains, _ = Conditional(self.design, block, self.weights, self.active).gains(self._groups())
+        cost = 0.5 * float(np.log(block.rows))
+        return np.array([float(np.max(gains[rival.candidates] - cost * rival.freedom)) for rival in self.rivals])
+
+    def expected_gaps(self, planned: Block) -> Array:
+        """(rivals, rivals) nats by which rival b is expected to be behind rival a after the planned motion, a being
+        the truth with the parameters that the data so far give it.
+
+        What of a's torque b cannot imitate, and with it the given model within its tolerance and all that the data so
+        far leave free: the T-criterion (Atkinson and Fedorov 1975), ½‖·‖² in units of the noise.
+        """
+        result = np.zeros((len(self.rivals),) * 2)
+        for a, rival in enumerate(self.rivals):
+            support = self.support(total([self.known, self._following(planned, self._fitted(rival))]))
+            result[a] = support[a] - support
+        return result
+
+    def _fitted(self, rival: Rival) -> Array:
+        """(size,) unknowns of the rival's best candidate, fitted to the data so far, within its limits."""
+        model = Conditional(self.design, self.known, self.weights, self.active)
+        gains, _ = model.gains(self._groups())
+        own = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
+        active = np.concatenate([self.active, own.columns])
+        value = np.zeros(self.design.size)
+        value[active] = Conditional(self.design, self.known, self.weights, active).value
+        value[own.columns] = np.clip(value[own.columns], own.lower, own.upper)
+        return value
+
+    def _following(self, planned: Block, value: Array) -> Block:
+        """The planned motion with the torques that these unknowns give it."""
+        grams = []
+        for gram, members in zip(planned.grams, self.design.members, strict=True):
+            filled = gram.copy()
+            products = gram[:-1, :-1] @ value[members]
+            filled[:-1, -1] = filled[-1, :-1] = products
+            filled[-1, -1] = value[members] @ products
+            grams.append(filled)
+        return Block(planned.recording, planned.rows, grams)
+
+    def _groups(self) -> list[Group]:
+        return groups_of(self.design, np.arange(self.others, len(self.design.candidates)))
+
+
+def contest(search: Search, evidence: Evidence, others: Sequence[int], hypotheses: Sequence[int]) -> Contest:
+    """Between ``hypotheses`` (indices of the search's design), the candidates ``others`` being other causes.
+
+    The first hypothesis is the finding.
+    """
+    own = [np.flatnonzero(search.owner == h) for h in hypotheses]
+    chosen = [*others, *(int(k) for k in np.concatenate(own))]
+    design, known = _part(search.design, search.total, chosen)
+    rivals, place = [], len(others)
+    for number, candidates in zip(hypotheses, own, strict=True):
+        freedom = np.array([float(search.size(int(k))) for k in candidates])
+        here = np.arange(place, place + len(candidates))
+        rivals.append(Rival(search.design.hypotheses[number], here, freedom))
+        place += len(candidates)
+    return Contest(
+        design, len(others), tuple(rivals), known, search.weights.copy(), evidence.noise, evidence.grid.band
+    )
+
+
+def _part(design: Design, block: Block, chosen: Sequence[int]) -> tuple[Design, Block]:
+    """The design with some of its candidates, and a block's products of what is left."""
+    part = design.with_candidates([design.candidates[k] for k in chosen])
+    former = np.concatenate([np.arange(design.given), *(design.candidates[k].columns for k in chosen)]).astype(np.intp)
+    grams = []
+    for channel, gram in enumerate(block.grams):
+        place = design.position[channel][former[part.members[channel]]]
+        kept = np.append(place, len(gram) - 1)
+        grams.append(gram[np.ix_(kept, kept)])
+    return part, Block(block.recording, block.rows, grams)

@@ -1,0 +1,81 @@
+"""Which motion decides between the hypotheses that recordings leave: T-optimal within an arm's limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.contest import Contest
+from estimator.diagnosis.experiment_motions import ExperimentMotion, family
+from estimator.excitation.limits import MotionLimits
+
+Array = NDArray[np.float64]
+
+DECIDED = 10.0
+"""nats expected between two rivals that leave no doubt: a gap scatters by the square root of twice its size, so that
+fewer than one in ten falls below the three nats within which rivals are as good as each other."""
+UNDECIDED = 3.0
+"""nats: pairs of which no motion promises more are beyond what the limits allow to tell."""
+PLAYINGS = 2
+"""Times that the motion will be played: what differs between them is noise."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The chosen motion, and what it promises.
+
+    ``gaps`` (rivals, rivals): nats by which the column's rival will be behind the row's if the row's is the truth.
+    ``told`` lists the pairs that some motion within the limits tells apart; ``alike`` those that none does.
+    """
+
+    motion: ExperimentMotion
+    gaps: Array
+    told: tuple[tuple[int, int], ...]
+    alike: tuple[tuple[int, int], ...]
+
+    @property
+    def predicted_gap(self) -> float:
+        """nats of the worst pair that can be told apart, whichever of the two is the truth."""
+        return min(pair_gap(self.gaps, pair) for pair in self.told)
+
+
+def pair_gap(gaps: Array, pair: tuple[int, int]) -> float:
+    """The smaller of a pair's two expected gaps."""
+    return float(min(gaps[pair], gaps[pair[::-1]]))
+
+
+def design_experiment(
+    contest: Contest, limits: MotionLimits, home: Array, seconds: float = 15.0, seed: int = 0
+) -> Experiment | None:
+    """The motion of the family that leaves fewest pairs of rivals undecided, and of those the one whose worst pair is
+    told apart best; None when no motion within the limits tells any pair apart.
+
+    ``limits`` and ``home`` (n,) are in the order of the contest's body.
+    """
+    body = contest.design.body
+    tried = []
+    for motion in family(body, limits, home, joints_of(contest), contest.band, seconds, seed):
+        planned = contest.planned(*motion.sampled(contest.rate), playings=PLAYINGS)
+        tried.append((motion, contest.expected_gaps(planned)))
+    pairs = list(combinations(range(len(contest.rivals)), 2))
+    best = {pair: max((pair_gap(gaps, pair) for _, gaps in tried), default=0.0) for pair in pairs}
+    told = tuple(pair for pair in pairs if best[pair] > UNDECIDED)
+    if not told:
+        return None
+
+    def merit(gaps: Array) -> tuple[int, float]:
+        promised = [pair_gap(gaps, pair) for pair in told]
+        return sum(gap >= DECIDED for gap in promised), min(promised)
+
+    motion, gaps = max(tried, key=lambda one: merit(one[1]))
+    return Experiment(motion, gaps, told, tuple(pair for pair in pairs if pair not in told))
+
+
+def joints_of(contest: Contest) -> tuple[int, ...]:
+    """Joints that the rivals live in; all of them when none lives in a joint."""
+    places = [rival.hypothesis.place for rival in contest.rivals]
+    named = {joint for place in places for joint in (place.joint, place.other) if joint is not None}
+    return tuple(sorted(named)) or tuple(range(contest.design.body.n))

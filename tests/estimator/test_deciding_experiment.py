@@ -1,0 +1,161 @@
+"""The deciding motion: on pairs of causes where the answer is known, and against what simulated data then say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.contest import Contest, contest
+from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experiment
+from estimator.diagnosis.experiment_motions import ExperimentMotion, family
+from estimator.diagnosis.search import Search
+from estimator.effects import Place, Signals, effect
+from estimator.excitation import MotionLimits
+
+Array = NDArray[np.float64]
+Law = tuple[str, Place, dict[str, float]]
+
+RATE = 250.0
+NOISE = np.array([0.6, 0.5, 0.3])
+HOME = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def arm(make_chain: Callable[..., RigidBody]) -> RigidBody:
+    return make_chain("rrr")
+
+
+@pytest.fixture(scope="module")
+def limits(arm: RigidBody) -> MotionLimits:
+    one = np.ones(3)
+    return MotionLimits(-3.0 * one, 3.0 * one, 2.0 * one, 8.0 * one, 200.0 * one, arm.prior())
+
+
+def measured(arm: RigidBody, law: Law, motion: tuple[Array, Array, Array, Array], seed: int) -> Trajectory:
+    """A recording of an arm that has this effect."""
+    name, place, parameters = law
+    random = np.random.default_rng(seed)
+    t, q, dq, ddq = motion
+    tau = inverse_dynamics(arm, arm.prior(), q, dq, ddq)
+    tau += effect(name).torque(place, parameters, Signals.of_motion(arm, t, q, dq, ddq))
+    return Trajectory(t, q + 1e-6 * random.normal(size=q.shape), tau + NOISE * random.normal(size=q.shape))
+
+
+def one_swing(amplitude: Sequence[float], hertz: float = 0.25) -> tuple[Array, Array, Array, Array]:
+    """A motion that tells little: all joints to and fro at one frequency."""
+    t = np.arange(round(12.0 * RATE)) / RATE
+    w, a = 2.0 * np.pi * hertz, np.array(amplitude)
+    s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
+    return t, 0.3 + a * s, a * w * c, -a * w**2 * s
+
+
+def gathered(arm: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Evidence, Search]:
+    evidence = gather(arm, trajectories, 0.02)
+    return evidence, Search(evidence.design, evidence.blocks, evidence.folds)
+
+
+def between(search: Search, evidence: Evidence, rivals: Sequence[tuple[str, Place]]) -> Contest:
+    known = [(h.effect.name, h.place) for h in search.design.hypotheses]
+    return contest(search, evidence, [], [known.index(rival) for rival in rivals])
+
+
+def kinds_by_gap(contested: Contest, limits: MotionLimits, pair: tuple[int, int] = (0, 1)) -> dict[str, float]:
+    """The best expected gap of each kind of motion on joint 2 alone, and of the motions of all joints."""
+    best: dict[str, float] = {}
+    for motion in family(contested.design.body, limits, HOME, [1], contested.band):
+        gaps = contested.expected_gaps(contested.planned(*motion.sampled(contested.rate), PLAYINGS))
+        gap = min(gaps[pair], gaps[pair[::-1]])
+        best[motion.kind] = max(best.get(motion.kind, -np.inf), gap)
+    return best
+
+
+JOINT = Place(1)
+PAIRS = {
+    "viscous against Coulomb": (
+        ("viscous_friction", JOINT, {"coefficient": 0.8}),
+        ("coulomb_friction", JOINT),
+        ([0.5, 0.06, 0.5], 0.25),
+        "constant speeds",
+        "micro-reversals",
+    ),
+    "presliding against Coulomb": (
+        ("presliding", JOINT, {"stiffness": 100.0, "level": 0.15}),
+        ("coulomb_friction", JOINT),
+        ([0.5, 0.3, 0.5], 0.25),
+        "micro-reversals",
+        "slow sweep",
+    ),
+    "spring against tilt": (
+        ("joint_spring", JOINT, {"stiffness": 0.5, "centre": 0.0}),
+        ("base_tilt", Place()),
+        ([0.1, 0.1, 0.1], 0.25),
+        "rests in a grid of poses",
+        "micro-reversals",
+    ),
+    "rotor against link": (
+        ("rotor_inertia", JOINT, {"inertia": 0.15}),
+        ("transport_delay", Place(channel="torque")),
+        ([0.2, 0.2, 0.2], 0.25),
+        "chirp",
+        "slow sweep",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
+    name: str, arm: RigidBody, limits: MotionLimits
+) -> None:
+    law, rival, (amplitude, hertz), telling, idle = PAIRS[name]
+    so_far = [measured(arm, law, one_swing(amplitude, hertz), seed) for seed in range(2)]
+    evidence, search = gathered(arm, so_far)
+    contested = between(search, evidence, [law[:2], rival])
+    before = contested.support(contested.known)
+    assert before[0] - before[1] < 10.0, "these recordings decide already"
+    gaps = kinds_by_gap(contested, limits)
+    assert gaps[telling] > max(gaps[idle], UNDECIDED), gaps
+    chosen = design_experiment(contested, limits, HOME)
+    assert chosen is not None
+    assert chosen.predicted_gap >= 0.9 * max(gaps.values())
+    _, q, dq, ddq = chosen.motion.sampled(RATE)
+    assert limits.worst(arm, q, dq, ddq) <= 1.0
+    for ends in (dq[[0, -1]], ddq[[0, -1]]):
+        np.testing.assert_allclose(ends, 0.0, atol=1e-6)
+    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
+    more, again = gathered(arm, [*so_far, *after])
+    support = between(again, more, [law[:2], rival]).support(again.total)
+    assert 0.5 < (support[0] - support[1]) / chosen.gaps[0, 1] < 2.0
+
+
+def test_causes_that_no_motion_tells_apart_are_said_to_be_alike(arm: RigidBody, limits: MotionLimits) -> None:
+    """A point mass at the tool is a part of the last link."""
+    law: Law = ("payload", Place(), {"mass": 0.6, "centre": np.array([0.1, 0.0, 0.2])})  # type: ignore[dict-item]
+    evidence, search = gathered(arm, [measured(arm, law, one_swing([0.5, 0.5, 0.5]), seed) for seed in range(2)])
+    contested = between(search, evidence, [("coulomb_friction", Place(1)), ("coulomb_friction", Place(1))])
+    assert design_experiment(contested, limits, HOME) is None
+
+
+def test_same_seed_gives_the_same_family(arm: RigidBody, limits: MotionLimits) -> None:
+    def all_of(seed: int) -> list[ExperimentMotion]:
+        return list(family(arm, limits, HOME, [0, 2], band=10.0, seed=seed))
+
+    first, second, other = all_of(1), all_of(1), all_of(2)
+    assert len(first) >= 20
+    assert {motion.joints for motion in first} == {(0,), (2,), (0, 1, 2)}
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(first, second, strict=True))
+    assert any(not np.array_equal(a.points, b.points) for a, b in zip(first, other, strict=True))
+
+
+def test_motions_of_an_arm_with_little_torque_are_made_smaller(arm: RigidBody, limits: MotionLimits) -> None:
+    weak = MotionLimits(
+        limits.lower, limits.upper, limits.velocity, limits.acceleration, np.array([30.0, 25.0, 12.0]), arm.prior()
+    )
+    motions = list(family(arm, weak, HOME, [1], band=10.0))
+    assert motions
+    for motion in motions:
+        assert weak.worst(arm, *motion.sampled(50.0)[1:]) < 1.02, motion.kind
