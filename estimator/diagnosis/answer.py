@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.contest import Contest
 from estimator.diagnosis.traces import Traces
 from estimator.effects import Place
 
@@ -52,10 +53,14 @@ class Finding:
     """Of what it acts on and any model could explain, how much is lost without it."""
     alternatives: tuple[Alternative, ...]
     """Nearest first."""
+    rivals: tuple[Alternative, ...]
+    """Every other hypothesis in its stead, nearest first: what is asked of data that an experiment has added."""
     next_experiment: str | None
     """The motion that would tell an ambiguous finding from its alternatives, one sentence."""
     shape: Array | None = None
     """See `Effect.hidden`."""
+    contest: Contest | None = None
+    """Of an ambiguous finding with its alternatives: what a deciding motion is designed from."""
 
 
 @dataclass(frozen=True)

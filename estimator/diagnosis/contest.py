@@ -1,4 +1,4 @@
-"""The hypotheses between which recordings leave a choice, as the small algebra that says what more data would decide."""
+"""The hypotheses between which recordings leave a choice, and the algebra that says what more data would decide."""
 
 from __future__ import annotations
 
@@ -135,9 +135,7 @@ def contest(search: Search, evidence: Evidence, others: Sequence[int], hypothese
         here = np.arange(place, place + len(candidates))
         rivals.append(Rival(search.design.hypotheses[number], here, freedom))
         place += len(candidates)
-    return Contest(
-        design, len(others), tuple(rivals), known, search.weights.copy(), evidence.noise, evidence.grid.band
-    )
+    return Contest(design, len(others), tuple(rivals), known, search.weights.copy(), evidence.noise, evidence.grid.band)
 
 
 def _part(design: Design, block: Block, chosen: Sequence[int]) -> tuple[Design, Block]:

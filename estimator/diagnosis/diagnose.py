@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.answer import Alternative, Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
@@ -53,7 +54,7 @@ def diagnose(
     causes = _explaining(search, causes)
     chosen = [cause.candidate for cause in causes]
     refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
-    findings = tuple(_finding(search, refined, number, cause, causes) for number, cause in enumerate(causes))
+    findings = tuple(_finding(evidence, search, refined, number, cause, causes) for number, cause in enumerate(causes))
     unexplained = _unexplained(evidence, search, refined, chosen)
     return Diagnosis(
         joints=body.joints,
@@ -85,12 +86,13 @@ def _explaining(search: Search, causes: Sequence[Cause]) -> list[Cause]:
     return result
 
 
-def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]) -> Finding:
+def _finding(
+    evidence: Evidence, search: Search, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]
+) -> Finding:
     design = search.design
     hypothesis = design.hypotheses[design.candidates[cause.candidate].hypothesis]
-    near = tuple(
-        Alternative((h := _of(search, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives[:_SHOWN]
-    )
+    rivals = tuple(Alternative((h := _of(search, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives)
+    near = rivals[:_SHOWN]
     within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
     ambiguous = bool(within)
     fitted = refined.design.candidates[number]
@@ -111,9 +113,17 @@ def _finding(search: Search, refined: Refined, number: int, cause: Cause, causes
         false_alarm_probability=cause.false_alarm,
         share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),
         alternatives=within or near,
+        rivals=rivals,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
+        contest=_contest(evidence, search, cause, others, len(within)) if ambiguous else None,
     )
+
+
+def _contest(evidence: Evidence, search: Search, cause: Cause, others: Sequence[int], count: int) -> Contest:
+    """Of a cause with the ``count`` nearest of its alternatives."""
+    within = [cause.candidate, *(a.candidate for a in cause.alternatives[:count])]
+    return contest(search, evidence, others, [int(search.owner[k]) for k in within])
 
 
 def _of(search: Search, candidate: int) -> Hypothesis:

@@ -63,7 +63,10 @@ def family(
     """
     random = np.random.default_rng(seed)
     middle, half = (limits.upper + limits.lower) / 2.0, (limits.upper - limits.lower) / 2.0
-    poses = [np.clip(home, middle - 0.7 * half, middle + 0.7 * half), middle + 0.6 * half * random.uniform(-1, 1, body.n)]
+    poses = [
+        np.clip(home, middle - 0.7 * half, middle + 0.7 * half),
+        middle + 0.6 * half * random.uniform(-1, 1, body.n),
+    ]
     for joint in joints:
         for pose in poses:
             for kind, t, offset in _alone(limits, pose, joint, band, seconds):
