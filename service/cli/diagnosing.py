@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from config import InputError
+from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, JsonOption, new_directory
+from service.cli.options import ArmOption, AttachedOption, JsonOption, new_directory
 from service.identification.request import as_paths
 
 
@@ -35,30 +37,87 @@ def diagnose(
     tolerance: Annotated[
         float, typer.Option("--tolerance", metavar="SHARE", help="How exactly the model's link parameters are known.")
     ] = 0.05,
+    experiment: Annotated[
+        bool,
+        typer.Option("--experiment", help="Play what decides on the arm; without recordings its own motions first."),
+    ] = False,
+    budget: Annotated[
+        int | None, typer.Option("--budget", metavar="N", min=0, max=20, help="Deciding motions to play at most. [2]")
+    ] = None,
+    motion: Annotated[
+        list[str] | None, typer.Option("--motion", help="Motion to begin with, in place of the arm's own list; repeat.")
+    ] = None,
+    mode: ModeOption = "csp",
+    controller: ControllerOption = "pd",
+    attached: AttachedOption = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where answer and page go. [the state directory]")
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Name what the arm's model gets wrong, from recordings."""
-    if not recordings:
-        raise InputError("recordings", "there are none", "give at least one, better two playings of each motion")
+    """Name what the arm's model gets wrong, from recordings or by experiment."""
+    if experiment:
+        beside = (("--hold", hold), ("--out", out), ("--topic", topic != "/joint_states"))
+        _refuse(beside, "is for diagnosing from recordings alone", "leave it out, or --experiment")
+        answer = conduct(
+            arm,
+            "diagnose",
+            {
+                "recordings": [str(path) for path in as_paths(recordings or [])],
+                "hold_out": [str(path) for path in as_paths(hold_out or [])],
+                "motions": [motion_reference(m) for m in motion or []],
+                "budget": 2 if budget is None else budget,
+                "tolerance": tolerance,
+                "mode": mode,
+                "controller": controller,
+                "attached": attached,
+            },
+        )
+    else:
+        beside = (("--budget", budget is not None), ("--motion", motion), ("--attached", attached))
+        _refuse(beside, "is for diagnosing by experiment", "add --experiment")
+        if not recordings:
+            raise InputError(
+                "recordings",
+                "there are none",
+                "give at least one, better two playings of each motion; or --experiment, and the arm moves itself",
+            )
+        answer = _from_recordings(recordings, hold_out or [], arm, hold or [], topic, tolerance, out)
+    from service.reports.diagnosis_tables import diagnosis_report
+
+    for note in answer["notes"]:
+        say(f"etude: {note}")
+    publish(answer, json, *diagnosis_report(answer))
+
+
+def _refuse(options: Iterable[tuple[str, object]], problem: str, remedy: str) -> None:
+    """Raise InputError for the first of these options that was given."""
+    for name, given in options:
+        if given:
+            raise InputError(name, problem, remedy)
+
+
+def _from_recordings(
+    recordings: list[str],
+    hold_out: list[str],
+    arm: str | None,
+    hold: list[str],
+    topic: str,
+    tolerance: float,
+    out: Path | None,
+) -> dict[str, Any]:
     from service.diagnosis.diagnosing import diagnose_recordings
     from service.diagnosis.request import DiagnoseRequest
     from service.identification.arm_source import parse_holds
-    from service.reports.diagnosis_tables import diagnosis_report
 
     request = DiagnoseRequest(
         recordings=as_paths(recordings),
-        hold_out=as_paths(hold_out or []),
+        hold_out=as_paths(hold_out),
         arm=arm,
-        hold=parse_holds(hold or []),
+        hold=parse_holds(hold),
         topic=topic,
         tolerance=tolerance,
         directory=out.absolute() if out else new_directory("diagnosis"),
     )
     with progress() as tell:
-        answer = diagnose_recordings(request, tell).answer
-    for note in answer["notes"]:
-        say(f"etude: {note}")
-    publish(answer, json, *diagnosis_report(answer))
+        return diagnose_recordings(request, tell).answer

@@ -14,6 +14,7 @@ from service.daemon.server import Call, Command
 from service.practice.course import PracticeArguments
 from service.sessions.compare_controllers import CompareArguments, CompareControllers
 from service.sessions.conductor import Conductor
+from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm
 from service.sessions.identify_links import IdentifyLinks, IdentifyLinksArguments
 from service.sessions.identify_load import IdentifyLoad, IdentifyLoadArguments
 from service.sessions.practise import Practise
@@ -56,6 +57,10 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         attached, asked = _taken(call.arguments, IdentifyLoadArguments)
         return await _conducted(conductor, call, attached, lambda: IdentifyLoad(installation, asked))
 
+    async def diagnose(call: Call) -> dict[str, Any]:
+        attached, asked = _taken(call.arguments, DiagnoseArguments)
+        return await _conducted(conductor, call, attached, lambda: DiagnoseArm(installation, asked))
+
     async def practise(call: Call) -> dict[str, Any]:
         attached, asked = _taken(call.arguments, PracticeArguments)
         return await _conducted(conductor, call, attached, lambda: Practise(installation, asked))
@@ -72,6 +77,7 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         "run": Command(run),
         "identify_links": Command(identify_links),
         "identify_load": Command(identify_load),
+        "diagnose": Command(diagnose),
         "practise": Command(practise),
         "compare_controllers": Command(compare_controllers),
     }

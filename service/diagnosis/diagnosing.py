@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from config import InputError
 from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from service.diagnosis.experimenting import next_experiment, realised_gap
 from service.diagnosis.json_answer import as_json
 from service.diagnosis.keeping import keep
 from service.diagnosis.request import DiagnoseRequest
@@ -54,6 +55,12 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
         "model_name": None,
         "report": None,
     }
+    answer["experiments"] = [_played(one, result) for one in request.experiments]
+    if any(finding.contest is not None for finding in result.findings):
+        tell("designing what would decide", 0.7)
+    for number, (finding, told) in enumerate(zip(result.findings, answer["findings"], strict=True), 1):
+        name = f"experiment-{len(request.experiments) + 1}-{number}"
+        told["next_experiment"] = next_experiment(result, finding, read, request.directory, name)
     if result.findings:
         tell("simulating", 0.8)
         extended = diagnosed_model(read.body, result)
@@ -65,6 +72,11 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
         answer = keep(request.directory, result, answer)
     tell("done", 1.0)
     return DiagnosisOutcome(read, result, answer)
+
+
+def _played(experiment: Mapping[str, Any], result: Diagnosis) -> dict[str, Any]:
+    """A motion that was played to decide, with what it decided."""
+    return {"gap": realised_gap(result, experiment["between"]), **experiment}
 
 
 def _kept_model(directory: Path, extended: ArmModel, result: Diagnosis, read: ReadRecordings) -> dict[str, Any]:

@@ -45,6 +45,13 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def experiment(
+    sentence: str, motion: str | None = None, joints: Sequence[str] = (), predicted_gap: float | None = None
+) -> dict[str, Any]:
+    """What would decide: in words, and as the motion file where one was designed, with the gap it promises, nats."""
+    return {"motion": motion, "joints": list(joints), "sentence": sentence, "predicted_gap": predicted_gap}
+
+
 def _finding(finding: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
     joints, place = diagnosis.joints, finding.place
     parameters = {name: _quantity(quantity) for name, quantity in finding.parameters.items()}
@@ -71,7 +78,7 @@ def _finding(finding: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
             }
             for a in finding.alternatives
         ],
-        "next_experiment": None if finding.next_experiment is None else {"sentence": finding.next_experiment},
+        "next_experiment": None if finding.next_experiment is None else experiment(finding.next_experiment),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -20,3 +21,5 @@ class DiagnoseRequest:
     tolerance: float = 0.05
     directory: Path | None = None
     """Where the answer, its traces and its page are kept; None: nowhere."""
+    experiments: tuple[Mapping[str, Any], ...] = ()
+    """Deciding motions that were played already, as the answer lists them; ``gap`` of the newest is not yet known."""

@@ -12,13 +12,14 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config import InputError
+from service.diagnosis.request import DiagnoseRequest
 from service.identification.request import LinksRequest, LoadRequest
 
 NICENESS = 10
 """Estimation must not compete with the cyclic loop for a processor."""
 
 
-Request = LinksRequest | LoadRequest
+Request = LinksRequest | LoadRequest | DiagnoseRequest
 
 
 class WorkerLost(Exception):
@@ -73,6 +74,10 @@ def _answer(request: Request, tell: Callable[[str, float], None]) -> dict[str, A
         from service.identification import loads
 
         return loads.identify(request, tell).answer
+    if isinstance(request, DiagnoseRequest):
+        from service.diagnosis import diagnosing
+
+        return diagnosing.diagnose_recordings(request, tell).answer
     from service.identification import links
 
     return links.identify(request, tell).answer

@@ -16,10 +16,11 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     if answer["findings"]:
         shown.append(_findings(answer["findings"]))
     shown += [
-        f"to decide {finding['effect']}: {finding['next_experiment']['sentence']}"
+        f"to decide {finding['effect']}: {_experiment(finding['next_experiment'])}"
         for finding in answer["findings"]
         if finding["next_experiment"]
     ]
+    shown += [_played(one) for one in answer.get("experiments", [])]
     shown.append(_residuals(answer["torque_residual"]))
     held_out = answer["gain"]["held_out_torque"]
     shown.append(
@@ -35,6 +36,20 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     if answer["model"] is not None:
         shown.append(f"model {answer['model_name']}: {answer['model']}")
     return [*shown, f"page: {answer['report']}"] if answer["report"] else shown
+
+
+def _experiment(told: dict[str, Any]) -> str:
+    if told["motion"] is None:
+        return str(told["sentence"])
+    return f"{told['sentence']}: {told['motion']} (should tell them apart by {told['predicted_gap']:.0f} nats)"
+
+
+def _played(experiment: dict[str, Any]) -> str:
+    rivals = ", ".join(f"{r['effect']} {r['joint'] or r['channel'] or 'arm'}" for r in experiment["between"])
+    told = "none of them is left" if experiment["gap"] is None else f"{experiment['gap']:.1f} nats lie between"
+    return (
+        f"played {experiment['motion']} to decide between {rivals}: {told}, {experiment['predicted_gap']:.1f} expected"
+    )
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:

@@ -19,7 +19,8 @@ __all__ = ["page_of", "page_of_file"]
 def page_of(answer: dict[str, Any], directory: Path) -> str | None:
     """The page of a command's JSON answer that was kept in ``directory``; None for an answer that has no page."""
     if "verdict" in answer and "findings" in answer:
-        return kept_page(answer, directory)
+        # A session keeps the answer; its diagnosis, with the traces, lies in a directory of its own.
+        return kept_page(answer, Path(answer["report"]).parent if answer.get("session") else directory)
     if "base_parameters" in answer:
         return links_page(answer)
     if "principal_moments" in answer:
