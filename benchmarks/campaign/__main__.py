@@ -14,15 +14,19 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.campaign.arms import ARMS
 from benchmarks.campaign.campaign import judged
+from benchmarks.campaign.experiments import decided, experiment_figures
 from benchmarks.campaign.finding import by_command, in_process
 from benchmarks.campaign.judging import Judgement
-from benchmarks.campaign.scenario import ALL, Plan, draw_plans
+from benchmarks.campaign.scenario import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.tally import CampaignFigure, mistaken, tally
 
 
 def main() -> int:
     options = _options()
+    if options.experiments:
+        return _experiments(options)
     plans = draw_plans(options.scenarios, options.seed)
     if options.kind:
         plans = [
@@ -44,16 +48,40 @@ def main() -> int:
     return 0
 
 
+def _experiments(options: argparse.Namespace) -> int:
+    """Of ``--experiments`` scenarios with one cause each, what designed motions decide of the ambiguous ones."""
+    drawn = draw_plans(4 * options.experiments, options.seed)
+    plans = [plan for plan in drawn if len(plan.kinds) == 1 and plan.kinds[0] in CATALOGUE][: options.experiments]
+    if options.arm:
+        plans = [replace(plan, arm=options.arm) for plan in plans]
+    plans = [replace(plan, seconds=options.seconds) for plan in plans]
+    cases = []
+    with ProcessPoolExecutor(options.processes) as pool:
+        for plan, case in zip(plans, pool.map(decided, plans), strict=True):
+            said = f"{plan.number:4d} {plan.arm} {plan.kinds[0]} at {plan.size:g}: not ambiguous"
+            if case is not None:
+                cases.append(case)
+                gaps = ", ".join(
+                    f"{m.predicted_gap:.0f} → {m.gap if m.gap is None else round(m.gap)}" for m in case.motions
+                )
+                said = f"{case.last.sentence} ({'decided' if case.resolved else 'open'}; nats {gaps or 'no motion'})"
+            print(said, file=sys.stderr, flush=True)
+    _print(experiment_figures(cases), [])
+    return 0
+
+
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.campaign", description=__doc__)
     parser.add_argument("--scenarios", type=int, default=200, help="how many (200)")
     parser.add_argument("--seed", type=int, default=1, help="of every draw (1)")
     parser.add_argument("--processes", type=int, default=2, help="at the same time (2)")
     parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
+    parser.add_argument("--arm", choices=ARMS, help="with --experiments: this arm alone")
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
     parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
     parser.add_argument("--wire", action="store_true", help="play over the wire, by the daemon and the stand-in arm")
     parser.add_argument("--seconds", type=float, default=60.0, help="of motion to learn from (60)")
+    parser.add_argument("--experiments", type=int, default=0, metavar="N", help="so many cases for designed motions")
     parser.add_argument("--keep", type=Path, help="keep sealed scenarios here, and take those that are there")
     parser.add_argument("--json", type=Path, help="write the figures here too")
     return parser.parse_args()

@@ -57,8 +57,8 @@ def diagnose(
 ) -> None:
     """Name what the arm's model gets wrong, from recordings or by experiment."""
     if experiment:
-        beside = (("--hold", hold), ("--out", out), ("--topic", topic != "/joint_states"))
-        _refuse(beside, "is for diagnosing from recordings alone", "leave it out, or --experiment")
+        unfit = (("--hold", hold), ("--out", out), ("--topic", topic != "/joint_states"))
+        _refuse(unfit, "is for diagnosing from recordings alone", "leave it out, or --experiment")
         answer = conduct(
             arm,
             "diagnose",

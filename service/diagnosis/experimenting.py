@@ -25,8 +25,8 @@ def next_experiment(
 ) -> dict[str, Any] | None:
     """What would decide a finding: the catalogue's sentence, and the motion where one within the limits decides.
 
-    The motion is written to ``directory`` as ``name``; without one, or without limits, the sentence stands alone. None for a
-    finding that is decided.
+    The motion is written to ``directory`` as ``name``; without one, or without limits, the sentence stands alone.
+    None for a finding that is decided.
     """
     if finding.contest is None or finding.next_experiment is None:
         return None

@@ -1,0 +1,154 @@
+"""How often one or two designed motions decide what recordings leave ambiguous: staged, designed and played on the
+plant, in a closed loop with the diagnosis."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.campaign.arms import true_arm
+from benchmarks.campaign.campaign import TACHOMETERS
+from benchmarks.campaign.finding import TOPIC
+from benchmarks.campaign.judging import Judgement, judge
+from benchmarks.campaign.motions import RATE_HZ, REST_S, Playlist
+from benchmarks.campaign.playing import Run, as_recorded, play
+from benchmarks.campaign.scenario import Plan, Prepared, prepare
+from benchmarks.campaign.sealing import HELD_OUT, write_run
+from benchmarks.campaign.tally import CampaignFigure, wilson
+from config.motion import SampledMotion
+from config.motion.curves import RestToRest
+from estimator.diagnosis.answer import Diagnosis, Finding
+from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.experiment import PLAYINGS, design_experiment
+from estimator.diagnosis.experiment_motions import ExperimentMotion
+from service.answers import finite
+from service.diagnosis.experimenting import between, realised_gap
+from service.diagnosis.json_answer import as_json
+from service.identification.designed_motion import limits_of
+from service.identification.read import ReadRecordings, read_recordings
+
+BUDGET = 2
+_APPROACH_S = 4.0
+
+
+@dataclass(frozen=True)
+class Played:
+    """One designed motion: nats promised between the worst pair of rivals, and nats that lie between the found one
+    and its nearest rival afterwards (None: none of them was found any more)."""
+
+    predicted_gap: float
+    gap: float | None
+
+
+@dataclass(frozen=True)
+class Decided:
+    """One scenario that was ambiguous at first. ``last`` judges the answer after all motions."""
+
+    last: Judgement
+    motions: tuple[Played, ...]
+    resolved: bool
+
+    @property
+    def rightly(self) -> bool:
+        return self.resolved and not self.last.wrong
+
+
+def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
+    """Stage a scenario, diagnose, play designed motions while something is ambiguous; None when nothing ever was."""
+    with tempfile.TemporaryDirectory(prefix="etude-campaign-") as name:
+        folder = Path(name)
+        prepared = prepare(plan, folder / "arm.urdf")
+        first = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
+        files = _written([run for run in first if not run.motion.startswith(HELD_OUT)], plan, prepared, folder, 0)
+        begin = time.perf_counter()
+        read, found = _diagnosed(files, folder)
+        if not _ambiguous(found):
+            return None
+        motions: list[Played] = []
+        while len(motions) < budget and (chosen := _chosen(found, read, prepared)) is not None:
+            motion, promised, rivals = chosen
+            files += _written(_played(motion, prepared, len(motions) + 1), plan, prepared, folder, len(files))
+            read, found = _diagnosed(files, folder)
+            motions.append(Played(promised, realised_gap(found, rivals)))
+        answer = finite(as_json(found, read.notes))
+        judgement = judge(prepared.truth, answer, time.perf_counter() - begin)
+        return Decided(judgement, tuple(motions), not _ambiguous(found))
+
+
+def experiment_figures(cases: Sequence[Decided]) -> list[CampaignFigure]:
+    """What the study says."""
+    resolved, right = sum(case.resolved for case in cases), sum(case.rightly for case in cases)
+    count = len(cases)
+    ratios = [m.gap / m.predicted_gap for case in cases for m in case.motions if m.gap is not None]
+
+    def share(hits: int) -> float:
+        return hits / count if count else float("nan")
+
+    return [
+        CampaignFigure("experiments resolve", share(resolved), count, wilson(resolved, count), 0.95),
+        CampaignFigure("experiments resolve, nothing wrong named", share(right), count, wilson(right, count)),
+        CampaignFigure(
+            "gap after a designed motion / promised for the worst pair, median",
+            float(np.median(ratios)) if ratios else float("nan"),
+            len(ratios),
+        ),
+    ]
+
+
+def _ambiguous(found: Diagnosis) -> list[Finding]:
+    return [finding for finding in found.findings if finding.contest is not None]
+
+
+def _diagnosed(files: Sequence[Path], folder: Path) -> tuple[ReadRecordings, Diagnosis]:
+    read = read_recordings(files, (), str(folder / "arm.urdf"), {}, TOPIC, lambda stage, share: None)
+    return read, diagnose(read.body, read.trajectories)
+
+
+def _chosen(
+    found: Diagnosis, read: ReadRecordings, prepared: Prepared
+) -> tuple[ExperimentMotion, float, list[dict[str, object]]] | None:
+    """The motion of the ambiguous finding that it promises most for, as a session chooses it."""
+    limits = limits_of(prepared.installation, read.body)
+    home = np.array(prepared.installation.arm.home_rad)
+    designed = []
+    for finding in _ambiguous(found):
+        assert finding.contest is not None
+        if (experiment := design_experiment(finding.contest, limits, home)) is not None:
+            designed.append((experiment.motion, experiment.predicted_gap, between(finding, found.joints)))
+    return max(designed, key=lambda one: one[1], default=None)
+
+
+def _played(motion: ExperimentMotion, prepared: Prepared, number: int) -> list[Run]:
+    """The motion played on the plant, from home to its start before each playing."""
+    home = np.array(prepared.installation.arm.home_rad)
+    t, q, dq, ddq = motion.sampled(RATE_HZ)
+    rest = round(REST_S * RATE_HZ)
+    pad = ((rest, rest), (0, 0))
+    there = SampledMotion(
+        np.arange(len(t) + 2 * rest) / RATE_HZ,
+        np.pad(q, pad, mode="edge"), np.pad(dq, pad), np.pad(ddq, pad), f"experiment-{number}",
+    )  # fmt: skip
+    motions = {"experiment": there, "to": _way(home, q[0], "to"), "back": _way(q[-1], q[0], "back")}
+    order = ("to", "experiment", *("back", "experiment") * (PLAYINGS - 1))
+    runs = play(prepared.installation, prepared.hidden, Playlist(motions, order), prepared.seed + number)
+    return [run for run in runs if run.motion == "experiment"]
+
+
+def _way(begin: np.ndarray, end: np.ndarray, name: str) -> SampledMotion:
+    t = np.arange(round(_APPROACH_S * RATE_HZ) + 1) / RATE_HZ
+    return SampledMotion(t, *RestToRest(np.array([begin, end]), [_APPROACH_S], 5).evaluate(t), name)
+
+
+def _written(runs: Sequence[Run], plan: Plan, prepared: Prepared, folder: Path, before: int) -> list[Path]:
+    rng = np.random.default_rng([prepared.seed, 1, before])
+    paths = []
+    for number, run in enumerate(runs, before + 1):
+        paths.append(folder / f"run-{number:02d}.csv")
+        recorded = as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s)
+        write_run(recorded, true_arm(plan.arm).joints, plan.arm in TACHOMETERS, paths[-1])
+    return paths
