@@ -20,7 +20,7 @@ from driver.bus.frames import FRAME
 from driver.cyclic.cycle import LoopState
 from tests.faults.bench import Bench, Published, commissioned, standing_in
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(1800)
 ROUNDS = 150 if os.environ.get("ETUDE_FAULTS") == "full" else 6
 WARM = 3
 """Rounds after which memory is expected to be flat."""

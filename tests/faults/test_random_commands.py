@@ -15,6 +15,7 @@ from driver.cyclic.cycle import LoopState
 from driver.cyclic.gate import COMMANDING, Gate
 from tests.faults.bench import decoded_commands
 
+pytestmark = pytest.mark.timeout(900)
 COMMANDS = 1_000_000 if os.environ.get("ETUDE_FAULTS") == "full" else 100_000
 ODD = (math.nan, math.inf, -math.inf, 1e300, -1e300, 5e-324, -0.0, 2.0**31, -(2.0**31), 1e9)
 OTHER_STATES = tuple(LoopState)

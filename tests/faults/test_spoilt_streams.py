@@ -9,6 +9,7 @@ import pytest
 
 from tests.faults.spoilt_streams import Kind, checksums, frames_of, judge
 
+pytestmark = pytest.mark.timeout(900)
 BYTES = 10_000_000 if os.environ.get("ETUDE_FAULTS") == "full" else 1_000_000
 """Of both protocols together."""
 
