@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -19,6 +20,7 @@ from driver.plan import Plan
 
 STATUS_TIMEOUT_S = 5.0
 EXIT_TIMEOUT_S = 20.0
+EXIT_CODE_S = 1.0
 
 
 class ArmLoop:
@@ -205,6 +207,9 @@ class ArmLoop:
             answer.set_result(reply.value)
 
     def _ended(self) -> InputError:
+        # Its sockets close a moment before the kernel has its exit code.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(EXIT_CODE_S)
         code = self._process.poll()
         how = (
             f"ended with exit code {code}" if code is not None and code >= 0 else f"was killed by signal {-(code or 0)}"

@@ -96,6 +96,7 @@ class Conductor:
 
     async def _conduct(self, procedure: Procedure, running: RunningSession) -> dict[str, Any]:
         session = running.session
+        latched_before = await self._latched_by()
         try:
             try:
                 answer = await procedure.perform(self.moving, session, running.tell)
@@ -113,6 +114,12 @@ class Conductor:
             if not self.moving.loop.alive:
                 _end(session, "stopped", str(error))
                 raise ArmStopped(str(error)) from error
+            cause = await self._latched_by()
+            if cause is not None and cause != latched_before:
+                # The arm was stopped between two motions, so that the next one was refused.
+                await self._keep_last_frames(session)
+                _end(session, "stopped", cause)
+                raise ArmStopped(cause) from None
             _end(session, "failed", str(error))
             raise
         except Exception as error:
@@ -121,6 +128,13 @@ class Conductor:
             raise
         _end(session, "done")
         return answer
+
+    async def _latched_by(self) -> str | None:
+        """What the arm was stopped by and not reset since; None also where the loop does not answer."""
+        try:
+            return (await asyncio.to_thread(self.moving.loop.status)).cause
+        except InputError:
+            return None
 
     async def _relax(self) -> None:
         """Brakes on and drives off after a session, however it ended. A stopped arm has its drives off already."""
