@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.signal import detrend, lfilter, oaconvolve, periodogram
 
@@ -32,6 +33,10 @@ FLAT_TO_BAND = 6.0
 _ROLL_OFF = 0.5
 _ROWS_AT_ONCE = 16
 """Rows that a decimation works on together: they stay in the processor's cache."""
+_PIECE = 64
+"""Outputs of one row of the matrix product that a convolution is …"""
+_LONGEST_PRODUCT = 300
+"""… up to so many taps; longer kernels are transformed."""
 _SPAN = 12
 """Length of the decimating kernel in output samples."""
 
@@ -74,7 +79,9 @@ def plan_filter(rate: float, band: float, stride_limit: int = 8, flat: float = F
     half = int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * (stops - passes) / rate) / 2))
     smooth, slope, curvature = _kernels(half, (passes + stops) / 2, rate)
     total = max(1, int(rate / (2.0 * band)))
-    allowed = range(1, max(1, min(stride_limit, int(rate / (2.2 * stops)))) + 1)
+    # Folding of what the kinematics pass must end above the decimating low-pass and its slope, by the band once more
+    # for what products with the motion move.
+    allowed = range(1, max(1, min(stride_limit, int(rate / (stops + (2.0 + _ROLL_OFF) * band)))) + 1)
     # Of the strides that carry the kinematics the longest that makes up the whole decimation, but for a tenth.
     stride = max(s for s in allowed if s * (total // s) >= 0.9 * total)
     decimation = max(1, total // stride)
@@ -111,9 +118,30 @@ def _kernels(half: int, cutoff: float, rate: float) -> tuple[Array, Array, Array
 
 
 def convolve(x: Array, kernel: Array) -> Array:
-    """Zero-phase convolution along the first axis, only where the kernel lies wholly inside: (N − len + 1, …)."""
-    result: Array = oaconvolve(x, kernel[:, None], mode="valid", axes=0)
-    return result
+    """Zero-phase convolution of (N, k) along the first axis, where the kernel lies wholly inside: (N − len + 1, k)."""
+    return convolve_each(x, [kernel])[0]
+
+
+def convolve_each(x: Array, kernels: Sequence[Array]) -> Array:
+    """`convolve` with several kernels of one length: (kernels, N − len + 1, k), each channel contiguous.
+
+    Short kernels as one matrix product: overlapping pieces of a channel times a band matrix that holds all kernels.
+    """
+    taps = len(kernels[0])
+    if taps > _LONGEST_PRODUCT or len(x) < taps:
+        return np.array([oaconvolve(x, kernel[:, None], mode="valid", axes=0) for kernel in kernels])
+    count, channels = len(x) - taps + 1, x.shape[1]
+    pieces = -(-count // _PIECE)
+    band = np.zeros((len(kernels), taps + 2 * (_PIECE - 1)))
+    band[:, _PIECE - 1 : _PIECE - 1 + taps] = [kernel[::-1] for kernel in kernels]
+    matrix = sliding_window_view(band, taps + _PIECE - 1, axis=1)[:, ::-1].reshape(-1, taps + _PIECE - 1).T
+    padded = np.zeros(pieces * _PIECE + taps - 1)
+    result = np.empty((len(kernels), channels, pieces, _PIECE))
+    for channel in range(channels):
+        padded[: len(x)] = x[:, channel]
+        windows = np.ascontiguousarray(sliding_window_view(padded, taps + _PIECE - 1)[::_PIECE])
+        result[:, channel] = (windows @ matrix).reshape(pieces, len(kernels), _PIECE).swapaxes(0, 1)
+    return result.reshape(len(kernels), channels, -1)[:, :, :count].swapaxes(1, 2)
 
 
 def root_raised_cosine(decimation: int) -> Array:
@@ -182,30 +210,31 @@ def smooth_motion(
     ``crossover`` (n,) rad/s of each joint joins measured velocities with differentiated angles: below it the angles
     are trusted, above it the velocities (see `estimator.channel_noise`). None: the velocities as they were measured.
     """
-    smooth = convolve(q, plan.smooth)
-    q = q - q[0]  # so that a joint at rest has no velocity at all, not even one of rounding
+    # Relative to the first angle, so that a joint at rest has no velocity at all, not even one of rounding.
+    smooth, slope, curvature = convolve_each(q - q[0], [plan.smooth, plan.slope, plan.curvature])
+    smooth += q[0]
     if dq is None or (crossover is not None and np.all(np.isinf(crossover))):
-        first, second = convolve(q, plan.slope), convolve(q, plan.curvature)
+        first, second = slope, curvature
     else:
-        first, second = convolve(dq, plan.smooth), convolve(dq, plan.slope)
-        if crossover is not None:
-            by_angle = np.flatnonzero(crossover > 0.0)
-            for joint in by_angle:
-                pole = float(np.exp(-crossover[joint] / plan.rate))
-                angle = q[:, joint : joint + 1]
-                first[:, joint] += _slow_part(convolve(angle, plan.slope)[:, 0] - first[:, joint], pole)
-                second[:, joint] += _slow_part(convolve(angle, plan.curvature)[:, 0] - second[:, joint], pole)
+        first, second = convolve_each(dq, [plan.smooth, plan.slope])
+        crossover = np.zeros(q.shape[1]) if crossover is None else crossover
+        for joint in np.flatnonzero(crossover > 0.0):
+            off = np.array([slope[:, joint] - first[:, joint], curvature[:, joint] - second[:, joint]])
+            slow = _slow_part(off, float(np.exp(-crossover[joint] / plan.rate)))
+            first[:, joint] += slow[0]
+            second[:, joint] += slow[1]
     if ddq is not None:
         second = convolve(ddq, plan.smooth)
     return Motion(smooth, first, second)
 
 
 def _slow_part(x: Array, pole: float) -> Array:
-    """Zero-phase low-pass 1/(1 + (ω/ω_c)²), pole = exp(−ω_c/rate); beyond the ends x counts as zero."""
+    """Zero-phase low-pass 1/(1 + (ω/ω_c)²) along the last axis, pole = exp(−ω_c/rate); beyond the ends x counts as
+    zero."""
     if pole == 0.0:
         return x
     forward = lfilter([1.0], [1.0, -pole], x)
-    backward = lfilter([1.0], [1.0, -pole], x[::-1])[::-1]
+    backward = lfilter([1.0], [1.0, -pole], x[:, ::-1])[:, ::-1]
     return np.asarray((forward + backward - x) * (1.0 - pole) / (1.0 + pole))
 
 

@@ -191,7 +191,7 @@ class _RowMaker:
     def _rigid(self, motion: Motion, weight: Array) -> list[Array]:
         layout, stride = self.layout, self.plan.stride
         kept, sign = np.array(layout.base.kept), layout.base.sign
-        q, dq, ddq = (np.asarray(x[::stride]) for x in (motion.q, motion.dq, motion.ddq))
+        q, dq, ddq = (np.ascontiguousarray(x[::stride].T).T for x in (motion.q, motion.dq, motion.ddq))
         weight = weight[:, ::stride]
         columns = [kept[list(active)] for active in layout.active]
         signs = [sign[list(active)][:, None] for active in layout.active]

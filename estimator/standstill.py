@@ -52,8 +52,8 @@ def motion_weight(dq: Array, limit: Array, length: int) -> Array:
 
     ``dq`` (samples, n) smoothed velocities, ``limit`` (n,) of `rest_speeds`. Short runs of noise are averaged out.
     """
-    mean = uniform_filter1d(dq, max(1, length), axis=0, mode="nearest")
-    return weight_without((np.abs(mean) < limit).T, length)
+    mean = uniform_filter1d(dq.T, max(1, length), axis=1, mode="nearest")
+    return weight_without(np.abs(mean) < limit[:, None], length)
 
 
 def weight_without(left_out: NDArray[np.bool_], length: int) -> Array:

@@ -99,12 +99,12 @@ class Sums:
 
 def lagged_products(rows: Array, begin: int, end: int) -> Array:
     """Products of rows begin … end with rows up to LAGS − 1 later; zero beyond the segment's end."""
-    width = rows.shape[0]
-    result = np.zeros((LAGS, width, width))
+    width, count = rows.shape
+    later = np.zeros((LAGS, width, end - begin))
     for lag in range(LAGS):
-        stop = min(end + lag, rows.shape[1])
-        if stop - begin - lag <= 0:
-            break
-        product = rows[:, begin : stop - lag] @ rows[:, begin + lag : stop].T
-        result[lag] = product if lag == 0 else product + product.T
+        stop = max(begin + lag, min(end + lag, count))
+        later[lag, :, : stop - begin - lag] = rows[:, begin + lag : stop]
+    # One product for all lags.
+    result = (later.reshape(LAGS * width, -1) @ rows[:, begin:end].T).reshape(LAGS, width, width)
+    result[1:] += result[1:].swapaxes(1, 2).copy()
     return result
