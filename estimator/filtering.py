@@ -119,7 +119,8 @@ def _kernels(half: int, cutoff: float, rate: float) -> tuple[Array, Array, Array
 
 def convolve(x: Array, kernel: Array) -> Array:
     """Zero-phase convolution of (N, k) along the first axis, where the kernel lies wholly inside: (N − len + 1, k)."""
-    return convolve_each(x, [kernel])[0]
+    result: Array = convolve_each(x, [kernel])[0]
+    return result
 
 
 def convolve_each(x: Array, kernels: Sequence[Array]) -> Array:

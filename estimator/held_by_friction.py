@@ -7,7 +7,7 @@ control keeps pulling at a joint that static friction holds, and the rests contr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.normal_equations import assemble, excited, residual_autocovariance, torque_power
 from estimator.rigid_body import RigidBody
-from estimator.rows import Layout, friction_widths, make_layout, sum_up, trajectory_rows
+from estimator.rows import Layout, friction_widths, make_layout, trajectory_rows
 from estimator.standstill import rest_speeds
 from estimator.sums import Sums
 from estimator.terms import TERM_NAMES, candidate_terms
@@ -30,6 +30,8 @@ _ENOUGH = 60.0
 """s of recordings to judge by, spread over all of them."""
 _LEAST_ROWS = 8
 """At rest, to say anything."""
+_AT_REST = 0.01
+"""Share of a row that is motion at most where it says what a rest says."""
 
 
 def speeds_to_leave_out(
@@ -49,16 +51,32 @@ def speeds_to_leave_out(
     everything = make_layout(body, base, terms, crossover=crossover)
     span = _ENOUGH / len(trajectories)
     part = [part_of(trajectory, float(trajectory.t[0]), float(trajectory.t[0]) + span) for trajectory in trajectories]
-    unknowns = _fit_of_motion(replace(everything, rest_speed=limits), part, band)
-    if unknowns is None:
+    fitted = _fit_of_motion(replace(everything, rest_speed=limits), part, band)
+    if fitted is None:
         return limits
-    at_rest, in_motion = _mean_squares(everything, limits, part, band, unknowns)
-    return np.where(at_rest > _CONTRADICTS * in_motion, limits, 0.0)
+    at_rest = _mean_square_at_rest(everything, part, band, fitted)
+    return np.where(at_rest > _CONTRADICTS * fitted.mean_square, limits, 0.0)
 
 
-def _fit_of_motion(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> Array | None:
-    """Unknowns (P,) by least squares, weighted once by residuals; None when the rows are too few."""
-    sums = sum_up(layout, trajectories, band)
+@dataclass(frozen=True)
+class _MotionFit:
+    """A fit of what moves."""
+
+    unknowns: Array
+    """(P,)"""
+    mean_square: Array
+    """(n,) of the residual in motion."""
+    counted: list[Array]
+    """Of each segment (n, rows): how much of a joint's row is motion."""
+
+
+def _fit_of_motion(layout: Layout, trajectories: Sequence[Trajectory], band: float) -> _MotionFit | None:
+    """By least squares, weighted once by residuals; None when the rows are too few."""
+    sums, segments = Sums(), []
+    for recording, trajectory in enumerate(trajectories):
+        for rows, counted in trajectory_rows(layout, trajectory, band, sums):
+            sums.add(rows, recording, counted)
+            segments.append(counted)
     if sums.rows * layout.body.n < 2 * layout.size or sums.counted.min() < _LEAST_ROWS:
         return None
     unknowns = np.zeros(layout.size)
@@ -70,27 +88,18 @@ def _fit_of_motion(layout: Layout, trajectories: Sequence[Trajectory], band: flo
         unknowns[chosen] = np.linalg.solve(some.total, some.total_right)
         floor = 1e-14 * torque_power(layout, sums.batches)
         variance = np.maximum(residual_autocovariance(layout, sums.batches, unknowns)[:, 0], floor)
-    return unknowns
+    return _MotionFit(unknowns, variance, segments)
 
 
-def _mean_squares(
-    layout: Layout, limits: Array, trajectories: Sequence[Trajectory], band: float, unknowns: Array
-) -> tuple[Array, Array]:
-    """(n,) each: of the residual where the joint rests, and where it moves."""
-    moving = replace(layout, rest_speed=limits)
-    totals, counts = np.zeros((2, layout.body.n)), np.zeros((2, layout.body.n))
-    for trajectory in trajectories:
-        pieces = zip(
-            trajectory_rows(layout, trajectory, band, Sums()),
-            trajectory_rows(moving, trajectory, band, Sums()),
-            strict=True,
-        )
-        for (rows, _), (_, counted) in pieces:
-            for joint in range(layout.body.n):
-                mine = layout.unknowns(joint)
-                residual = rows[joint][len(mine)] - unknowns[mine] @ rows[joint][: len(mine)]
-                for k, here in enumerate((counted[joint] < 0.01, counted[joint] > 0.99)):
-                    totals[k, joint] += residual[here] @ residual[here]
-                    counts[k, joint] += np.count_nonzero(here)
-    mean = totals / np.maximum(counts, 1.0)
-    return np.where(counts[0] >= _LEAST_ROWS, mean[0], 0.0), mean[1]
+def _mean_square_at_rest(layout: Layout, trajectories: Sequence[Trajectory], band: float, fitted: _MotionFit) -> Array:
+    """(n,) of the residual where a joint rests; zero where it does so too seldom to say anything."""
+    total, count = np.zeros(layout.body.n), np.zeros(layout.body.n)
+    segments = (rows for t in trajectories for rows, _ in trajectory_rows(layout, t, band, Sums()))
+    for rows, counted in zip(segments, fitted.counted, strict=True):
+        for joint in range(layout.body.n):
+            mine = layout.unknowns(joint)
+            here = counted[joint] < _AT_REST
+            residual = rows[joint][len(mine), here] - fitted.unknowns[mine] @ rows[joint][: len(mine), here]
+            total[joint] += residual @ residual
+            count[joint] += np.count_nonzero(here)
+    return np.where(count >= _LEAST_ROWS, total / np.maximum(count, 1.0), 0.0)

@@ -78,9 +78,9 @@ def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = 
         p = len(unknowns)
         left = slice(p + 1, 2 * p + 1) if by_instruments else slice(0, p)
         place = np.ix_(unknowns, unknowns)
-        lags = np.flatnonzero(weights[joint])
+        lags = int(np.flatnonzero(weights[joint])[-1]) + 1
         for b, batch in enumerate(sums.batches):
-            gram = sum((weights[joint, lag] * batch.lagged[joint][lag] for lag in lags), np.zeros(()))
+            gram = np.tensordot(weights[joint, :lags], batch.lagged[joint][:lags], axes=1)
             matrix[b][place] += gram[left, :p]
             right[b, unknowns] += gram[left, p]
     return NormalEquations(matrix, right, np.zeros((size, size)), np.zeros(size))

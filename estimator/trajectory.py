@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -68,7 +69,7 @@ class Trajectory:
     def samples(self) -> int:
         return len(self.t)
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Typical sampling rate, Hz."""
         return float(1.0 / np.median(np.diff(self.t)))
@@ -102,9 +103,12 @@ class Trajectory:
 
     def _whole(self, commanded: bool) -> NDArray[np.intp]:
         good: NDArray[np.bool_] = np.ones(self.samples, dtype=np.bool_)
+        each = np.ones(self.q.shape[1])
         for channel in (self.q, self.tau, self.dq, self.ddq, self.q_desired if commanded else None):
             if channel is not None:
-                good &= np.asarray(np.isfinite(channel).all(axis=1))
+                # A sum is finite where all its terms are, and much faster told.
+                with np.errstate(invalid="ignore"):
+                    good &= np.isfinite(np.asarray(channel, dtype=float) @ each)
         return np.flatnonzero(good)
 
 
