@@ -1,8 +1,8 @@
 """Parameter errors beside the Cramér–Rao bound, noise in every channel: one figure an estimator, the worst over the
-cases; the whole table is printed beside.
+cases; the whole table is printed beside, and which estimators stay within 1.1 times the bound in which cases.
 
-Root mean square over all parameters of (error / bound) on the direct drive arm, two recordings of ten seconds; the
-seeds are fixed. A ratio of one is the best that any unbiased estimator can do.
+Root mean square over all parameters of (error / bound) on the direct drive arm, two recordings of ten seconds. A ratio
+of one is the best that any unbiased estimator can do; so many runs tell it to about three percent.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ from config import load_installation
 from estimator import LinkOptions, base_parameters, identify_links, load_rigid_body
 from estimator.links import Estimator
 
-RUNS = 12
-SEEDS = (5, 6)
+RUNS = 24
+SEEDS = (41, 42)
+"""Of the motions; the noise of run k is drawn from (`NOISE_SEED`, k). No choice in the estimators was made on these."""
+NOISE_SEED = 2027
+WITHIN = 1.1
 TORQUE = np.array([1.0, 0.5, 0.3])
 CASES = {
     "fine encoder": (TORQUE, 1e-5, 2e-2),
@@ -45,7 +48,7 @@ def measure() -> list[Figure]:
         *names,
         title=f"rms of error / Cramér–Rao bound (intervals that hold, %), {RUNS} runs",
     )
-    worst = dict.fromkeys(names, 0.0)
+    ratios: dict[str, list[float]] = {name: [] for name in names}
     for case, deviations in CASES.items():
         for rate, corner in SAMPLING:
             noise = Noise(*deviations, corner)
@@ -53,7 +56,7 @@ def measure() -> list[Figure]:
             errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
             held: dict[str, list[np.ndarray]] = {name: [] for name in names}
             for run in range(RUNS):
-                measured = recordings(body, SEEDS, rate, noise, np.random.default_rng(run))
+                measured = recordings(body, SEEDS, rate, noise, np.random.default_rng([NOISE_SEED, run]))
                 for name in names:
                     options = LinkOptions(estimator=name, terms=("viscous_friction",), select_terms=False)
                     found = identify_links(body, measured, options)
@@ -63,8 +66,12 @@ def measure() -> list[Figure]:
             cells = []
             for name in names:
                 ratio = float(np.sqrt(np.mean(np.square(errors[name]))))
-                worst[name] = max(worst[name], ratio)
+                ratios[name].append(ratio)
                 cells.append(f"{ratio:.2f} ({100.0 * np.mean(held[name]):.0f})")
             table.add_row(case, f"{rate:g}", "white" if corner is None else f"to {corner:g} Hz", *cells)
-    Console(width=160).print(table)
-    return [Figure(f"crlb_{name}", value, "", "Cramér–Rao bound", 1.0) for name, value in worst.items()]
+    console = Console(width=160)
+    console.print(table)
+    for name in names:
+        within = sum(ratio <= WITHIN for ratio in ratios[name])
+        console.print(f"{name}: within {WITHIN} × the bound in {within} of {len(ratios[name])} cases")
+    return [Figure(f"crlb_{name}", max(each), "", "Cramér–Rao bound", 1.0) for name, each in ratios.items()]

@@ -38,6 +38,8 @@ OF_NOISE: tuple[Estimator, ...] = ("total_least_squares", "optimal_filter")
 _EXCITED = 1e-6
 """Share of a column's energy that no other column may explain away."""
 _REWEIGHTINGS = 3
+_DRAWS = 10_000
+"""Of the largest difference in the Durbin–Wu–Hausman test."""
 _LEAST_TORQUE_NOISE = 0.05
 """Share of the residual that is white at least."""
 
@@ -150,16 +152,26 @@ def _informed(equations: NormalEquations, base: BaseParameters, prior: Prior) ->
 
 
 def _hausman(with_instruments: Solution, without: Solution, chosen: list[int]) -> Hausman | None:
-    """Student's test of each difference, its error by leaving batches out, the smallest p-value times their number."""
+    """Student's test of the difference that stands out most, its error by leaving batches out.
+
+    That it is the largest of many is accounted for by drawing the largest of as many differences with the same
+    correlations; where it is too rare to be drawn, by its p-value times their number (Bonferroni), never less.
+    """
     count = len(with_instruments.without)
     if count == 0:
         return None
     difference = with_instruments.value - without.value
     spread = with_instruments.without - without.without - difference
     error = np.sqrt((count - 1) / count * np.sum(spread**2, axis=0))
-    p_values = 2.0 * student.sf(np.abs(difference) / error, count - 1)
-    most = int(np.argmin(p_values))
-    return Hausman(min(1.0, float(p_values[most]) * len(chosen)), chosen[most])
+    ratio = np.abs(difference) / error
+    most = int(np.argmax(ratio))
+    alone = 2.0 * float(student.sf(ratio[most], count - 1))
+    random = np.random.default_rng(0)
+    batches = np.sqrt((count - 1) / count) * spread / error
+    drawn = np.abs(random.normal(size=(_DRAWS, count)) @ batches).max(axis=1)
+    drawn /= np.sqrt(random.chisquare(count - 1, _DRAWS) / (count - 1))
+    as_large = (1.0 + np.count_nonzero(drawn >= ratio[most])) / (1.0 + _DRAWS)
+    return Hausman(min(1.0, as_large, alone * len(chosen)), chosen[most])
 
 
 def _residual_covariance(layout: Layout, sums: Sums, unknowns: Array, fitted: int) -> Array:
