@@ -41,7 +41,7 @@ class FittedEffect:
 
     def simulate(self, plant: PlantDraft) -> None:
         """Put it into a plant."""
-        effect(self.name).simulate(self.place, self.parameters, plant)
+        effect(self.name).simulate_fitted(self.place, self.parameters, plant, self.shape)
 
     @property
     def measures_late(self) -> bool:

@@ -96,9 +96,11 @@ def refine(
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:
-    """Least and largest theta of a candidate's grid."""
-    hypothesis = design.candidates[candidate].hypothesis
-    grid = np.array([c.theta for c in design.candidates if c.hypothesis == hypothesis])
+    """Least and largest theta of a candidate's grid; what is a choice stays as it is."""
+    own = design.candidates[candidate]
+    choices = list(design.hypotheses[own.hypothesis].effect.choices)
+    same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
+    grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
     return grid.min(axis=0), grid.max(axis=0)
 
 

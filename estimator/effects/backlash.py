@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
+from estimator.effects.transmission import ON_LINK, ON_MOTOR, SHARES, Transmission
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft, Series
 
@@ -20,29 +21,44 @@ GAPS = (3e-5, 3e-4, 3e-3, 1e-2)
 
 
 class Backlash(JointEffect):
-    """The angle is measured at the motor; the link lies half a gap behind or ahead of it, on the side to which the
-    torque presses it. When the torque changes its sign the link crosses the gap in free flight, so how fast depends on
-    the gap, which is theta; the coefficient is the gap too, as the factor on what the column has per unit."""
+    """The motor lies half a gap ahead of the link or behind it, on the side on which the torque presses; when that
+    changes its sign the gap is crossed in free flight, which takes the longer the wider it is. The encoder sits on
+    either of them, as with `joint_elasticity`:
+
+        encoder on the motor:  the link's torques are those at q − δ; the link falls behind by what it needs
+        encoder on the link:   the motor spends J·δ'' more, and flies ahead by the torque that it has
+
+    theta is the gap, the motor's share of the joint's inertia and the encoder's side; the coefficient is the gap too, as
+    the factor on what the column has per unit."""
 
     name = "backlash"
     units: ClassVar = {"gap": "rad"}
+    hidden = (1, 2)
+    choices = (2,)
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse {joint} where gravity loads it, and where it does not"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        return np.array(GAPS)[:, None]
+        at_motor = [[gap, 0.0, ON_MOTOR] for gap in GAPS]
+        return np.array(at_motor + [[gap, share, ON_LINK] for gap in GAPS for share in SHARES])
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        joint, gap = self.joint(place), float(theta[0])
-        inertia = float(np.mean(signals.sensitivity[2][:, joint, joint]))
-        if inertia <= 0.0:
+        joint = self.joint(place)
+        gap, share, side = map(float, theta)
+        transmission = Transmission.of(signals, joint, share, side)
+        pressing, flying = transmission.torque, transmission.link_inertia
+        if transmission.link_side:
+            # A link in flight shows no torque, only the blow at its end; what the motor was given says how it flew.
+            flying = transmission.motor_inertia
+            pressing = signals.torque[:, joint] - flying * signals.ddq[:, joint]
+        if flying <= 0.0:
             # A model without bodies says nothing of how a gap is crossed.
             return np.zeros((signals.samples, signals.body.n, 1))
-        ahead = play(signals.tau_rigid[:, joint] / inertia, signals.period, gap)
-        return -signals.by_angle_error(joint, ahead / gap)[:, :, None]
+        ahead = play(pressing / flying, signals.period, gap)
+        return transmission.torque_of(signals, joint, ahead / gap)[:, :, None]
 
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
         return self.nonnegative(1)
@@ -52,17 +68,22 @@ class Backlash(JointEffect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         gap = float(parameters["gap"])
-        return np.array([gap if gap > 0.0 else GAPS[0]]), np.array([gap])
+        return np.array([gap if gap > 0.0 else GAPS[0], 0.0, ON_MOTOR]), np.array([gap])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        plant.add_series(self.joint(place), Series(gap=float(parameters["gap"])))
+        self.simulate_fitted(place, parameters, plant, None)
+
+    def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
+        share, side = (0.0, ON_MOTOR) if shape is None else map(float, shape)
+        gap = float(parameters["gap"])
+        plant.add_series(self.joint(place), Series(gap=gap, motor_share=share, link_side=side == ON_LINK))
 
 
 def play(acceleration: Array, period: float, gap: float) -> Array:
     """(samples,) rad by which the motor is ahead of the link, ±gap/2 in contact.
 
-    ``acceleration`` (samples,): what the link needs over its inertia, rad/s²; in free flight it lacks that, and falls
-    behind by it. Impacts do not bounce.
+    ``acceleration`` (samples,): of the motor against the link in free flight, rad/s², which has the sign of the torque
+    that the link needs. Impacts do not bounce.
     """
     side = 1.0 if acceleration[0] >= 0.0 else -1.0
     result = np.empty(len(acceleration))

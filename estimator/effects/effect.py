@@ -66,8 +66,10 @@ class Effect(ABC):
     """Of all its places but those that `equation_at` knows better."""
 
     hidden: ClassVar[tuple[int, ...]] = ()
-    """Which entries of theta the catalogue's parameters do not hold: the sharpness of a sign. A fitted effect keeps
-    them beside its parameters as its shape."""
+    """Which entries of theta the catalogue's parameters do not hold: the sharpness of a sign, the side of an encoder. A
+    fitted effect keeps them beside its parameters as its shape."""
+    choices: ClassVar[tuple[int, ...]] = ()
+    """Which entries of theta are one of the grid's values and nothing between."""
 
     def experiment_at(self, place: Place, body: RigidBody) -> str:
         """The same sentence for a place."""
@@ -128,6 +130,13 @@ class Effect(ABC):
         """Put the effect into the twin's plant. An effect of the wrench channel leaves the motion as it is."""
         if self.equation_at(place) != "wrench":
             raise NotImplementedError(f"{self.name} does not say how it moves the simulated arm")
+
+    def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
+        """`simulate` of an effect that was fitted with these `hidden` entries of theta.
+
+        The plant's signs are sharp, whatever the fit's: effects whose shape is more than that override this.
+        """
+        self.simulate(place, parameters, plant)
 
 
 class JointEffect(Effect):

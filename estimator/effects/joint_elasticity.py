@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.second_order import second_order_lag
 from estimator.effects.signals import Scales, Signals
+from estimator.effects.transmission import ON_LINK, ON_MOTOR, SHARES, Transmission
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft, Series
 
@@ -23,16 +24,24 @@ RATIOS = (0.03, 0.3)
 
 
 class JointElasticity(JointEffect):
-    """The angle is measured at the motor; the link lags by δ, which makes the model's torques those at q − δ:
+    """Motor, spring and damper, link. The encoder sits on either of them; ``side`` says on which.
 
-        M·δ'' + d·δ' + k·δ = tau of the given model,  M the joint's own inertia, its mean along the motion.
+    τ is what the link's bodies need, J the part of the joint's own inertia M that is the motor's, ``share`` of M (M its
+    mean along the motion), and δ the angle by which the motor is ahead of the link. To first order in 1/k:
 
-    theta is k and the relaxation time d/k; they place resonance and damping. The coefficient is a free factor on δ, so
-    that below the resonance, where only the size of δ tells, the stiffness is linear: k over the coefficient.
+        encoder on the motor:  (M − J)·δ'' + d·δ' + k·δ = τ(motor's motion); the link's torques are those at q − δ
+        encoder on the link:   d·δ' + k·δ = τ(link's motion); the motor spends J·δ'' more
+
+    theta is k, the relaxation time d/k (they place resonance and damping), ``share``, ``side``. The coefficient is a
+    free factor on δ, so that below the resonance, where only the size of δ tells, the stiffness is linear: k over the
+    coefficient. A model's bodies are the links alone, so ``share`` is zero for an encoder on the motor; what a link
+    encoder sees is the motor's inertia times 1/k, and the span of ``share`` is part of the stiffness' error.
     """
 
     name = "joint_elasticity"
     units: ClassVar = {"stiffness": "N·m/rad", "damping": "N·m·s/rad"}
+    hidden = (2, 3)
+    choices = (3,)
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
     experiment = "let {joint} alone swing in a chirp up to its resonance"
 
@@ -40,17 +49,22 @@ class JointElasticity(JointEffect):
         joint = self.joint(place)
         inertia = scales.tau[joint] / scales.ddq[joint]
         frequencies = [2.0 * np.pi * scales.band * share for share in TO_BAND]
-        return np.array([[inertia * w**2, 2.0 * ratio / w] for w in frequencies for ratio in RATIOS])
+        at_motor = [[inertia * w**2, 2.0 * ratio / w, 0.0, ON_MOTOR] for w in frequencies for ratio in RATIOS]
+        # Seen from the link the spring does not swing: stiffness alone is only a factor.
+        w = 2.0 * np.pi * scales.band
+        at_link = [[inertia * w**2, 2.0 * ratio / w, share, ON_LINK] for ratio in RATIOS for share in SHARES]
+        return np.array(at_motor + at_link)
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint = self.joint(place)
-        stiffness, relaxation = map(float, theta)
-        inertia = float(np.mean(signals.sensitivity[2][:, joint, joint]))
-        lag = second_order_lag(signals.tau_rigid[:, joint], signals.period, relaxation, inertia / stiffness) / stiffness
-        return -signals.by_angle_error(joint, lag)[:, :, None]
+        stiffness, relaxation, share, side = map(float, theta)
+        transmission = Transmission.of(signals, joint, share, side)
+        square = 0.0 if transmission.link_side else transmission.link_inertia / stiffness
+        give = second_order_lag(transmission.torque, signals.period, relaxation, square) / stiffness
+        return transmission.torque_of(signals, joint, give)[:, :, None]
 
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
         return self.nonnegative(1)
@@ -62,12 +76,16 @@ class JointElasticity(JointEffect):
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         stiffness, damping = (float(parameters[name]) for name in self.units)
         if math.isinf(stiffness):
-            return np.array([1.0, 0.0]), np.zeros(1)
-        return np.array([stiffness, damping / stiffness]), np.ones(1)
+            return np.array([1.0, 0.0, 0.0, ON_MOTOR]), np.zeros(1)
+        return np.array([stiffness, damping / stiffness, 0.0, ON_MOTOR]), np.ones(1)
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        self.simulate_fitted(place, parameters, plant, None)
+
+    def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
         stiffness, damping = (float(parameters[name]) for name in self.units)
-        plant.add_series(self.joint(place), Series(stiffness=stiffness, damping=damping))
+        share, side = (0.0, ON_MOTOR) if shape is None else map(float, shape)
+        plant.add_series(self.joint(place), Series(stiffness, damping, motor_share=share, link_side=side == ON_LINK))
 
 
 EFFECT = JointElasticity()

@@ -21,6 +21,8 @@ def second_order_lag(x: Array, period: float, relaxation: float, square: float) 
     not make it ring: the parabola with which x begins has the lag's steady answer, and only the rest of x is filtered
     from rest.
     """
+    if relaxation == 0.0 and square == 0.0:
+        return np.array(x)
     t = period * np.arange(len(x)).reshape(-1, *[1] * (x.ndim - 1))
     count = min(START, len(x))
     powers = np.vander(period * np.arange(count), 3, increasing=True)

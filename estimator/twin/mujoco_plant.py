@@ -41,13 +41,14 @@ def plant_spec(draft: PlantDraft) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     links: list[Any] = []
     own = inertia_about_joints(draft)
-    for k, (axis, values) in enumerate(zip(draft.body.axes, possible_bodies(draft).reshape(-1, 10), strict=True)):
+    bodies = possible_bodies(PlantDraft(draft.body, without_motors(draft, own)))
+    for k, (axis, values) in enumerate(zip(draft.body.axes, bodies.reshape(-1, 10), strict=True)):
         parent = links[axis.parent] if axis.parent >= 0 else spec.worldbody
         link = parent.add_body(name=f"link of {axis.name}", pos=axis.translation, quat=_quaternion(axis.rotation))
         joint = _add_joint(link, draft, k, axis.name)
         if k in draft.series:
             link.name = f"motor of {axis.name}"
-            joint.armature = joint.armature or ROTOR_SHARE * own[k]
+            joint.armature = joint.armature + draft.series[k].motor_share * own[k] or ROTOR_SHARE * own[k]
             link = link.add_body(name=f"link of {axis.name}")
             _add_transmission(link, draft, k, draft.series[k])
         _set_inertial(link, values)
@@ -95,7 +96,8 @@ def compile_plant(draft: PlantDraft, timestep: float) -> CompiledPlant:
             "model", f"nothing that joint {weightless[0]} moves has a mass", "give inertial elements, or identify first"
         )
     motor = np.array([model.joint(name).dofadr[0] for name in names])
-    lent = model.dof_armature[motor] - draft.gain * draft.armature
+    shares = np.array([draft.series.get(k, Series()).motor_share for k in range(draft.body.n)])
+    lent = model.dof_armature[motor] - draft.gain * draft.armature - shares * inertia_about_joints(draft)
     link = np.array(
         [model.joint(_transmission(n)).dofadr[0] if k in draft.series else motor[k] for k, n in enumerate(names)]
     )
@@ -108,6 +110,21 @@ def mjcf_of(draft: PlantDraft) -> str:
     _compiled(spec)
     text: str = spec.to_xml()
     return text
+
+
+def without_motors(draft: PlantDraft, own: Array) -> Array:
+    """(10·n,) the draft's parameters less the motors that are part of its bodies: shares of the joints' ``own``
+    inertia (n,)."""
+    parameters = draft.parameters.copy()
+    for k, series in draft.series.items():
+        axis, link = draft.body.axes[k], parameters[10 * k : 10 * k + 10]
+        taken = series.motor_share * own[k]
+        if axis.revolute:
+            about = np.outer(axis.direction, axis.direction)
+            link[4:] -= taken * about[np.triu_indices(3)]
+        elif taken < link[0]:
+            link *= 1.0 - taken / link[0]
+    return parameters
 
 
 def possible_bodies(draft: PlantDraft) -> Array:

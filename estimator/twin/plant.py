@@ -48,6 +48,10 @@ class Series:
     stiffness: float = 0.0
     damping: float = 0.0
     gap: float = 0.0
+    motor_share: float = 0.0
+    """Of the joint's own inertia in the model, what is the motor's; 0: the model's bodies are the link's alone."""
+    link_side: bool = False
+    """Whether the joint's encoder sits on the link."""
 
 
 @dataclass(frozen=True)
@@ -131,4 +135,10 @@ class PlantDraft:
         old = self.series.get(joint, Series())
         soft = [s for s in (old.stiffness, series.stiffness) if s > 0.0]
         stiffness = 1.0 / sum(1.0 / s for s in soft) if soft else 0.0
-        self.series[joint] = Series(stiffness, max(old.damping, series.damping), old.gap + series.gap)
+        self.series[joint] = Series(
+            stiffness,
+            max(old.damping, series.damping),
+            old.gap + series.gap,
+            max(old.motor_share, series.motor_share),
+            old.link_side or series.link_side,
+        )

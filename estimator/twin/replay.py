@@ -126,16 +126,24 @@ class _Run:
             # The transmission starts where it carries the weight.
             weight = float(data.qfrc_bias[plant.link[joint]])
             give = -weight / series.stiffness if series.stiffness > 0.0 else 0.0
-            data.qpos[plant.link[joint]] = give - math.copysign(series.gap / 2.0, weight)
+            behind = give - math.copysign(series.gap / 2.0, weight)
+            data.qpos[plant.link[joint]] = behind
+            if series.link_side:
+                data.qpos[plant.motor[joint]] -= behind
         mujoco.mj_forward(self.model, data)
 
     def _measured(self) -> tuple[Array, Array]:
         """Speeds of MuJoCo's integrator belong half a step before its angles; here they are brought to them."""
         data, motor = self.data, self.plant.motor
         q = data.qpos[motor] - self.draft.angle_offset
+        dq = data.qvel[motor] + 0.5 * self.h * data.qacc[motor] * (data.time > 0.0)
+        for joint, series in self.draft.series.items():
+            if series.link_side:
+                behind = self.plant.link[joint]
+                q[joint] += data.qpos[behind]
+                dq[joint] += data.qvel[behind] + 0.5 * self.h * data.qacc[behind] * (data.time > 0.0)
         for joint, curve in self.draft.angle:
             q[joint] = curve(float(q[joint]))
-        dq = data.qvel[motor] + 0.5 * self.h * data.qacc[motor] * (data.time > 0.0)
         return q, dq * self.draft.velocity_gain
 
     def _true(self, q: Array) -> Array:

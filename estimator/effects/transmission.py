@@ -1,0 +1,48 @@
+"""A transmission that gives: motor on one side, link on the other, and an encoder on either."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.signals import Signals
+
+Array = NDArray[np.float64]
+
+ON_MOTOR, ON_LINK = 0.0, 1.0
+"""Sides of an encoder, as an entry of theta."""
+SHARES = (0.1, 0.5)
+"""Of the joint's own inertia, the motor's part to try: a recording of the link alone hardly tells it."""
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """One joint's, along one motion."""
+
+    motor_inertia: float
+    link_inertia: float
+    """kg·m², means along the motion."""
+    torque: Array
+    """(samples,) N·m that the link needs through the transmission, for the measured motion."""
+    link_side: bool
+    """Where the encoder is."""
+
+    @classmethod
+    def of(cls, signals: Signals, joint: int, share: float, side: float) -> Transmission:
+        """``share`` of the joint's own inertia in the model is the motor's."""
+        own = float(np.mean(signals.sensitivity[2][:, joint, joint]))
+        torque = signals.tau_rigid[:, joint] - share * own * signals.ddq[:, joint]
+        return cls(share * own, (1.0 - share) * own, torque, side == ON_LINK)
+
+    def torque_of(self, signals: Signals, joint: int, ahead: Array) -> Array:
+        """(samples, n) torque beside the rigid model's when the motor is ``ahead`` (samples,) rad of the link."""
+        own = self.motor_inertia * signals.slope(signals.slope(ahead))
+        if self.link_side:
+            result = np.zeros_like(signals.q)
+        else:
+            # The link's torques are those of the link's angle; the motor moves as measured.
+            result = -signals.by_angle_error(joint, ahead)
+        result[:, joint] += own
+        return result
