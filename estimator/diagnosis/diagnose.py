@@ -12,6 +12,7 @@ from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
+from estimator.diagnosis.first_body import has_bodies
 from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
@@ -49,6 +50,7 @@ def diagnose(
     Raises InputError for recordings that cannot be judged.
     """
     evidence = gather(body, trajectories, tolerance)
+    given, body = body, evidence.design.body
     search = Search(evidence.design, evidence.blocks, evidence.folds)
     causes = search.run()
     causes = _explaining(search, causes)
@@ -64,10 +66,10 @@ def diagnose(
         torque_residual=_residuals(evidence, refined),
         held_out=_held_out(evidence, search, refined, body, hold_out),
         smallest_detectable=smallest_detectable(search, chosen),
-        notes=tuple(_notes(evidence)),
+        notes=tuple(_notes(evidence, given)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
-        base_deviation=refined.value[: evidence.design.base.rank],
+        base_deviation=_deviation(evidence, refined, given),
     )
 
 
@@ -211,8 +213,19 @@ def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Seq
     return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.rms, body.joints)
 
 
-def _notes(evidence: Evidence) -> list[str]:
+def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
+    """(rank,) of the base parameters from those of the model that was given."""
+    base = evidence.design.base
+    first = base.combination @ (evidence.design.body.prior() - given.prior())
+    return np.asarray(first + refined.value[: base.rank])
+
+
+def _notes(evidence: Evidence, given: RigidBody) -> list[str]:
     notes = []
+    if not has_bodies(given):
+        notes.append(
+            "the model has no masses: its links are those that fit these recordings, and no cause is sought there"
+        )
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

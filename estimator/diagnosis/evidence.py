@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.first_body import first_body
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, sum_up
 from estimator.diagnosis.maps import map_places
@@ -18,7 +19,7 @@ from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.stretches import Grid, Stretch, make_grid, stretches
 from estimator.diagnosis.tolerance import given_precision
-from estimator.effects import Place, Scales, catalogue
+from estimator.effects import Effect, Place, Scales, catalogue
 from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rigid_body import RigidBody
@@ -52,6 +53,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
 
     Raises InputError when no recording has a gapless stretch that is long enough.
     """
+    given, body = body, first_body(body, trajectories)
     grid = make_grid(body, trajectories)
     pieces = cut(body, grid, trajectories)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
@@ -61,12 +63,12 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
         Hypothesis(effect, place)
         for effect in catalogue().values()
         for place in effect.places(body)
-        if effect.name != "link_inertia" or _modelled(body, place)
+        if _told_of(given, effect, place)
     ]
     hypotheses += [Hypothesis(map_, place) for map_, place in map_places(body.n)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     rate = min(trajectory.rate for trajectory in trajectories)
-    precision = given_precision(body, base, tolerance, grid.channels, rate)
+    precision = given_precision(given, base, tolerance, grid.channels, rate)
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
     unseen = _unseen(grid, pieces, decimations, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
@@ -87,9 +89,12 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     return Evidence(design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds))
 
 
-def _modelled(body: RigidBody, place: Place) -> bool:
-    """Whether the given model has anything to say of a link: one without mass is free, and cannot be wrong."""
-    return place.joint is not None and bool(body.prior()[10 * place.joint] > 0.0)
+def _told_of(given: RigidBody, effect: Effect, place: Place) -> bool:
+    """Whether the given model can be wrong in this way: a link without mass is free, and so is what it carries."""
+    if effect.name not in ("link_inertia", "payload"):
+        return True
+    link = given.n - 1 if place.joint is None else place.joint
+    return bool(given.prior()[10 * link] > 0.0)
 
 
 def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup]) -> Array:

@@ -28,8 +28,8 @@ class Backlash(JointEffect):
         encoder on the motor:  the link's torques are those at q − δ; the link falls behind by what it needs
         encoder on the link:   the motor spends J·δ'' more, and flies ahead by the torque that it has
 
-    theta is the gap, the motor's share of the joint's inertia and the encoder's side; the coefficient is the gap too, as
-    the factor on what the column has per unit."""
+    theta is the gap, the motor's share of the joint's inertia and the encoder's side; the coefficient is the gap too,
+    as the factor on what the column has per unit."""
 
     name = "backlash"
     units: ClassVar = {"gap": "rad"}

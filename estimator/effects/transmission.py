@@ -39,10 +39,7 @@ class Transmission:
     def torque_of(self, signals: Signals, joint: int, ahead: Array) -> Array:
         """(samples, n) torque beside the rigid model's when the motor is ``ahead`` (samples,) rad of the link."""
         own = self.motor_inertia * signals.slope(signals.slope(ahead))
-        if self.link_side:
-            result = np.zeros_like(signals.q)
-        else:
-            # The link's torques are those of the link's angle; the motor moves as measured.
-            result = -signals.by_angle_error(joint, ahead)
+        # An encoder on the motor: the link's torques are those of the link's angle.
+        result = np.zeros_like(signals.q) if self.link_side else -signals.by_angle_error(joint, ahead)
         result[:, joint] += own
         return result
