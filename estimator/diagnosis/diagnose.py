@@ -75,13 +75,13 @@ def diagnose(
 
 def _explaining(search: Search, causes: Sequence[Cause]) -> list[Cause]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
-    true one, and its name would mislead."""
+    true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(search.excess(chosen) - 1.0, 0.0)
     result = []
     for cause in causes:
         channels = list(search.design.candidates[cause.candidate].channels)
-        others = [k for k in chosen if k != cause.candidate]
+        others = [k for k in chosen if search.owner[k] != search.owner[cause.candidate]]
         explained = search.excess(others) - search.excess(chosen)
         if np.any(explained[channels] > np.maximum(left[channels], 0.0) * (left[channels] > _VISIBLE)):
             result.append(cause)
@@ -151,6 +151,8 @@ def _unexplained(evidence: Evidence, search: Search, refined: Refined, chosen: l
         own = [(k, gain, net) for k, gain, net in maps if _of(search, k).place.joint == joint]
         candidate, gain, net = own[0]
         told = net > 0.0 and search.chance.false_alarm(int(search.owner[candidate]), gain) < FALSE_ALARM
+        # An assumed noise has an assumed colour: within it no pattern is more than that.
+        told = told and (evidence.noise.playings > 0 or after[channel] > 1.0)
         share = max(after[channel] - 1.0, 2.0 * gain / (search.weights[channel] * rows) if told else 0.0) / explainable
         if told or after[channel] > 1.0 + max(_SIGNIFICANT * error, _VISIBLE):
             result[joint] = Unexplained(

@@ -63,9 +63,6 @@ def refine(
         own = design.with_candidates(wanted)
         return own, total(sum_up(own, pieces, decimations, noise))
 
-    def fitted(own: Design, block: Block) -> Conditional:
-        return Conditional(own, block, weights, np.arange(own.size))
-
     best: float = -np.inf
     step = np.zeros(0)
     trial = candidates
@@ -91,8 +88,31 @@ def refine(
     whole = Conditional(wide, block, weights, np.arange(size))
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)
-    model = fitted(own, block)
-    return Refined(own, model.value, covariance, model)
+    model = _within_limits(own, block, weights)
+    value = np.zeros(own.size)
+    value[model.active] = model.value
+    return Refined(own, value, covariance, model)
+
+
+def _within_limits(design: Design, block: Block, weights: Array) -> Conditional:
+    """Fitted without the coefficients that would be negative and cannot be, or positive: those are zero. The one
+    farthest beyond, in its standard errors, goes first."""
+    zero = [
+        (candidate.columns[low | high], np.where(low, 1.0, -1.0)[low | high])
+        for candidate in design.candidates
+        for low, high in [(candidate.lower == 0.0, candidate.upper == 0.0)]
+    ]
+    columns = np.concatenate([c for c, _ in zero]) if zero else np.zeros(0, dtype=np.intp)
+    sign = np.concatenate([s for _, s in zero]) if zero else np.zeros(0)
+    active = np.arange(design.size)
+    while True:
+        model = Conditional(design, block, weights, active)
+        value, error = np.zeros(design.size), np.ones(design.size)
+        value[active], error[active] = model.value, np.sqrt(np.diag(model.covariance))
+        inside = sign * value[columns] / error[columns]
+        if not len(inside) or inside.min() >= 0.0:
+            return model
+        active = active[active != columns[np.argmin(inside)]]
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:

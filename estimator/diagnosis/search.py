@@ -26,6 +26,8 @@ _HELD_OUT = 1.64
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _MOST_CAUSES_A_JOINT = 3
+_SAME_ORDER = 0.5
+"""Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
 
@@ -129,10 +131,12 @@ class Search:
     def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
         """Best candidate of every other effect (or of every map), its gain and its gain less penalty, best first."""
         gains = self.gains(chosen)
-        taken = {self.owner[k] for k in chosen}
+        taken = {self.owner[k] for k in chosen if not self.recurs(k)}
         best: dict[int, int] = {}
         for k in np.argsort(-gains):
             if self.owner[k] not in taken and self.is_map[self.owner[k]] == maps and np.isfinite(gains[k]):
+                if any(self.owner[k] == self.owner[c] and self._alike(int(k), c, _SAME_ORDER) for c in chosen):
+                    continue
                 best.setdefault(int(self.owner[k]), int(k))
         rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
         return sorted(rows, key=lambda row: -row[2])
@@ -144,7 +148,7 @@ class Search:
         limit = _MOST_CAUSES_A_JOINT * self.design.body.n
         # A cause that is put in another's place, or taken out again, must not come back for ever.
         seen = {frozenset(chosen)}
-        while len(chosen) < limit:
+        while len({self.owner[k] for k in chosen}) < limit:
             grown = next((g for g in self._steps(chosen) if frozenset(g) not in seen), None)
             if grown is None:
                 break
@@ -196,9 +200,18 @@ class Search:
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
-        if any(self._alike(candidate, k) for k in chosen):
+        if any(self._alike(candidate, k, _TOLD_APART) or self._contained(candidate, k) for k in chosen):
             return False
         return not self._beyond_limits([*chosen, candidate], slack=2.0)
+
+    def recurs(self, candidate: int) -> bool:
+        """Whether its place can have the effect more than once."""
+        return bool(self.design.hypotheses[self.owner[candidate]].effect.recurs)
+
+    def _contained(self, candidate: int, chosen: int) -> bool:
+        """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
+        own, other = (self.design.hypotheses[self.owner[k]] for k in (candidate, chosen))
+        return own.place == other.place and own.effect.name in other.effect.contains
 
     def _beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
         """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""
@@ -213,8 +226,9 @@ class Search:
             place = span.stop
         return result
 
-    def _alike(self, one: int, other: int) -> bool:
-        """Whether two candidates' columns span the same in these data: then one can only undo the other."""
+    def _alike(self, one: int, other: int, least: float) -> bool:
+        """Whether the other leaves less than this share of each column of the one in these data: then one can only
+        undo the other."""
         first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
         products = np.zeros((len(first) + len(second),) * 2)
         for channel, gram in enumerate(self.total.grams):
@@ -226,7 +240,7 @@ class Search:
         explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
         energy = np.diag(products)[: len(first)]
         told = energy > 0.0
-        return bool(np.all(explained[told] > (1.0 - _TOLD_APART) * energy[told]))
+        return bool(np.all(explained[told] > (1.0 - least) * energy[told]))
 
     def _matters(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
@@ -268,7 +282,7 @@ class Search:
 
     def _merged(self, chosen: list[int], joint: int | None) -> list[int]:
         """One effect in place of several at this joint, where that is better supported."""
-        at = [k for k in chosen if joint is not None and self._joint(k) == joint]
+        at = [k for k in chosen if joint is not None and self._joint(k) == joint and not self.recurs(k)]
         best, support = chosen, self.support(chosen)
         for count in range(2, len(at) + 1):
             for leaving in combinations(at, count):

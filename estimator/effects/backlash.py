@@ -40,7 +40,8 @@ class Backlash(JointEffect):
 
     def grid(self, place: Place, scales: Scales) -> Array:
         at_motor = [[gap, 0.0, ON_MOTOR] for gap in GAPS]
-        return np.array(at_motor + [[gap, share, ON_LINK] for gap in GAPS for share in SHARES])
+        at_link = [[gap, SHARES[k % len(SHARES)], ON_LINK] for k, gap in enumerate(GAPS)]
+        return np.array(at_motor + at_link)
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))

@@ -21,6 +21,7 @@ class Cogging(JointEffect):
 
     name = "cogging"
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
+    recurs = True
     confused_with = ("encoder_eccentricity", "torque_ripple")
     seen_against = "q"
     experiment = "sweep {joint} slowly through full turns, both ways"

@@ -70,6 +70,8 @@ class Effect(ABC):
     fitted effect keeps them beside its parameters as its shape."""
     choices: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are one of the grid's values and nothing between."""
+    recurs: ClassVar[bool] = False
+    """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
     def experiment_at(self, place: Place, body: RigidBody) -> str:
         """The same sentence for a place."""

@@ -50,9 +50,10 @@ class JointElasticity(JointEffect):
         inertia = scales.tau[joint] / scales.ddq[joint]
         frequencies = [2.0 * np.pi * scales.band * share for share in TO_BAND]
         at_motor = [[inertia * w**2, 2.0 * ratio / w, 0.0, ON_MOTOR] for w in frequencies for ratio in RATIOS]
-        # Seen from the link the spring does not swing: stiffness alone is only a factor.
+        # Seen from the link the spring does not swing: its stiffness is only a factor, and so nearly is the share.
         w = 2.0 * np.pi * scales.band
-        at_link = [[inertia * w**2, 2.0 * ratio / w, share, ON_LINK] for ratio in RATIOS for share in SHARES]
+        pairs = zip(RATIOS, SHARES, strict=True)
+        at_link = [[inertia * w**2, 2.0 * ratio / w, share, ON_LINK] for ratio, share in pairs]
         return np.array(at_motor + at_link)
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:

@@ -21,6 +21,7 @@ class TorqueRipple(JointEffect):
 
     name = "torque_ripple"
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
+    recurs = True
     confused_with = ("cogging",)
     experiment = "sweep {joint} slowly through its range, under two loads"
 

@@ -1,0 +1,111 @@
+"""What the diagnosis names on recordings that others measured, beside what their authors publish.
+
+Where an author published a value the figure is the diagnosis' value beside it; ``0`` stands for a cause that is
+published and not named. Data sets that are not in ../shared/data are left out.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from benchmarks.figure import Figure
+from benchmarks.measured import is_here
+from benchmarks.measured.diagnosed import (
+    emps_diagnosed,
+    findings_of,
+    kuka_diagnosed,
+    number,
+    odrive_diagnosed,
+    panda_diagnosed,
+)
+from estimator.diagnosis.answer import Diagnosis
+
+EMPS = {
+    "coefficient_positive": ("N·s/m", 166.706),
+    "coefficient_negative": ("N·s/m", 240.424),
+    "level_positive": ("N", 20.144),
+    "level_negative": ("N", 20.628),
+}
+STIFFNESS = (4.58e6, 7.52e6, 4.10e6)
+"""N·m/rad, of the KUKA's axes 1–3."""
+ORDERS = (7, 28, 14, 36, 12)
+"""A turn, of the ODrive's motor, the strongest first."""
+FRICTION = (
+    "coulomb_friction",
+    "viscous_friction",
+    "asymmetric_friction",
+    "stribeck_friction",
+    "presliding",
+    "friction_drift",
+    "load_dependent_friction",
+)
+
+
+def measure() -> list[Figure]:
+    figures: list[Figure] = []
+    for folder, of_set in (
+        ("emps", _emps),
+        ("odrive_cogging", _odrive),
+        ("kuka_kr300", _kuka),
+        ("franka_panda", _panda),
+    ):
+        if is_here(folder):
+            figures += of_set()
+        else:
+            print(f"{folder} is not in ../shared/data: left out", file=sys.stderr)
+    return figures
+
+
+def _emps() -> list[Figure]:
+    found = emps_diagnosed()
+    own = findings_of(found, "asymmetric_friction")
+    return [
+        *(
+            Figure(f"diagnosed_emps_{name}", number(own[0], name) if own else 0.0, unit, "published", value)
+            for name, (unit, value) in EMPS.items()
+        ),
+        Figure("diagnosed_emps_elastic", float(len(findings_of(found, "joint_elasticity"))), "named", "published", 1.0),
+        *_sum("emps", found),
+    ]
+
+
+def _odrive() -> list[Figure]:
+    found = odrive_diagnosed()
+    orders = [number(finding, "order") for finding in findings_of(found, "cogging")]
+    nearest = [min(orders, key=lambda k: abs(k - order), default=0.0) for order in ORDERS]
+    own = [
+        Figure(
+            f"diagnosed_odrive_order_{order}", k if abs(k - order) < 0.5 else 0.0, "1/turn", "published", float(order)
+        )
+        for order, k in zip(ORDERS, nearest, strict=True)
+    ]
+    return [*own, *_sum("odrive", found)]
+
+
+def _kuka() -> list[Figure]:
+    found = kuka_diagnosed()
+    figures = []
+    for joint, published in enumerate(STIFFNESS):
+        own = findings_of(found, "joint_elasticity", joint)
+        value = number(own[0], "stiffness") if own else 0.0
+        figures.append(Figure(f"diagnosed_kuka_stiffness_{joint + 1}", value, "N·m/rad", "published", published))
+    spring = float(len(findings_of(found, "joint_spring", 1)))
+    return [*figures, Figure("diagnosed_kuka_counterbalance", spring, "named", "published", 1.0), *_sum("kuka", found)]
+
+
+def _panda() -> list[Figure]:
+    found = panda_diagnosed()
+    late = [f for f in findings_of(found, "transport_delay") if f.place.channel == "velocity"]
+    delay = 1e3 * number(late[0], "delay") if late else 0.0
+    return [Figure("diagnosed_panda_velocity_late", delay, "ms", "published: a few ms", None), *_sum("panda", found)]
+
+
+def _sum(name: str, found: Diagnosis) -> list[Figure]:
+    """In how many joints friction is named, how many causes in all, and what is left where it was not learnt."""
+    rubbing = {f.place.joint for f in found.findings if f.effect in FRICTION}
+    joints, held = float(len(found.joints)), found.held_out
+    return [
+        Figure(f"diagnosed_{name}_joints_with_friction", float(len(rubbing)), "joints", "joints in all", joints),
+        Figure(f"diagnosed_{name}_causes", float(len(found.findings)), "", "none published", None),
+        Figure(f"diagnosed_{name}_held_out_torque", held.after, "rms, N or N·m", "before", held.before),
+    ]

@@ -1,0 +1,50 @@
+"""What the diagnosis says of each measured arm: the recordings to ask about, and the answer in short."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.measured.dataset import MeasuredArm
+from benchmarks.measured.emps import emps
+from benchmarks.measured.kuka import kuka
+from benchmarks.measured.odrive import odrive
+from benchmarks.measured.panda import panda
+from estimator.diagnosis.answer import Diagnosis, Finding
+from estimator.diagnosis.diagnose import diagnose
+
+SLOW_SWEEP = "odrive_slow2_slower_nocomp_0"
+"""One turn in 33 s. Faster sweeps begin with a leap back to zero at 80 rad/s, which a cogging torque is nothing to."""
+
+
+def diagnosed(arm: MeasuredArm, recordings: Sequence[str], judging: Sequence[str] = ()) -> Diagnosis:
+    """Of an arm's recordings by name."""
+    return diagnose(arm.body, [arm.recordings[k] for k in recordings], [arm.recordings[k] for k in judging])
+
+
+def emps_diagnosed() -> Diagnosis:
+    """Learnt from the motion with force pulses, judged on the one without."""
+    return diagnosed(emps(), ["emps_pulses"], ["emps"])
+
+
+def odrive_diagnosed() -> Diagnosis:
+    return diagnosed(odrive(), [SLOW_SWEEP])
+
+
+def kuka_diagnosed() -> Diagnosis:
+    return diagnosed(kuka(), ["kuka_A", "kuka_B", "kuka_C"])
+
+
+def panda_diagnosed() -> Diagnosis:
+    return diagnosed(panda(), ["panda_first_half"], ["panda_second_half"])
+
+
+def findings_of(found: Diagnosis, effect: str, joint: int | None = None) -> list[Finding]:
+    """Those of one effect, at one joint if given, most evidence first."""
+    return [f for f in found.findings if f.effect == effect and joint in (None, f.place.joint)]
+
+
+def number(finding: Finding, parameter: str) -> float:
+    """A parameter's value."""
+    return float(np.asarray(finding.parameters[parameter].value))

@@ -1,0 +1,67 @@
+"""What is certain about recordings of real rigs, and must be named: skipped where they are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.bench_diagnose_measured import EMPS, FRICTION, ORDERS
+from benchmarks.measured import emps, is_here
+from benchmarks.measured.diagnosed import (
+    emps_diagnosed,
+    findings_of,
+    kuka_diagnosed,
+    number,
+    odrive_diagnosed,
+    panda_diagnosed,
+)
+from estimator.filtering import convolve, plan_filter
+
+
+def needs(folder: str) -> None:
+    if not is_here(folder):
+        pytest.skip(f"{folder} is not in ../shared/data")
+
+
+def test_emps_rubs_more_one_way_than_the_other() -> None:
+    """Published: a fatigued screw. 3.11 % are left where the authors identified it, in a band of 40 Hz."""
+    needs("emps")
+    found = emps_diagnosed()
+    first = found.findings[0]
+    assert first.effect == "asymmetric_friction"
+    assert first.status == "named"
+    for name in ("coefficient_positive", "coefficient_negative"):
+        unit, published = EMPS[name]
+        assert first.parameters[name].unit == unit
+        assert number(first, name) == pytest.approx(published, rel=0.06)
+    judged = emps().recordings["emps"]
+    power = float(np.mean(convolve(judged.tau, plan_filter(judged.rate, found.band).smooth) ** 2))
+    assert found.held_out.after < 0.032 * np.sqrt(power)
+
+
+def test_a_motor_s_cogging_is_named_order_by_order() -> None:
+    needs("odrive_cogging")
+    found = odrive_diagnosed()
+    orders = [number(finding, "order") for finding in findings_of(found, "cogging")]
+    assert orders[0] == pytest.approx(7.0, abs=0.1)
+    assert sorted(np.round(orders)) == sorted(ORDERS)
+
+
+def test_the_panda_rubs_and_its_speeds_come_late() -> None:
+    """Friction of every joint that has more of it than noise; no more causes than two a joint."""
+    needs("franka_panda")
+    found = panda_diagnosed()
+    rubbing = {f.place.joint for f in found.findings if f.effect in FRICTION}
+    assert len(rubbing) >= 6
+    late = [f for f in findings_of(found, "transport_delay") if f.place.channel == "velocity"]
+    assert len(late) == 1
+    assert number(late[0], "delay") == pytest.approx(5.4e-3, abs=1e-3)
+    assert len(found.findings) <= 2 * len(found.joints)
+    assert found.held_out.after < 0.6 * found.held_out.before
+
+
+def test_the_kuka_s_friction_is_named_on_every_axis() -> None:
+    needs("kuka_kr300")
+    found = kuka_diagnosed()
+    assert {f.place.joint for f in found.findings if f.effect in FRICTION} == set(range(6))
+    assert found.held_out.after < 0.5 * found.held_out.before
