@@ -1,0 +1,85 @@
+"""`etude diagnose --experiment` through daemon, bus and drives in lockstep: a designed motion decides what was open."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config import load_installation
+from config.loader import HERE
+from config.motion import check_motion, load_motion, sample
+from service.supervision import SupervisedProcess
+
+pytestmark = pytest.mark.timeout(400)
+
+READY_S = 90.0
+FRICTION = """
+[[friction]]
+joint = "joint2"
+level_nm = 0.0
+viscous_nms_rad = 0.036
+"""
+SWING = """
+kind = "fourier"
+base_hz = 0.5
+periods = 2
+fade_s = 1.0
+centre_rad = [3.5779, 2.6896, 1.7453]
+sine_rad = [[0.2, 0.1, 0.2]]
+cosine_rad = [[0.0, 0.0, 0.0]]
+"""
+"""One frequency, one amplitude: it tells that a joint rubs, not by which law."""
+
+
+@pytest.fixture(scope="module")
+def rubbing_arm(new_house: Callable[[Path], Any]) -> Iterator[Any]:
+    """The direct drive arm without other mechanics of its own, its second joint rubbing, behind the daemon."""
+    with tempfile.TemporaryDirectory(prefix="etude-t") as folder:
+        house = new_house(Path(folder))
+        hidden = Path(folder) / "rubbing.toml"
+        clean = HERE.parent / "virtual_hw" / "hidden" / "dda-clean.toml"
+        hidden.write_text(clean.read_text(encoding="utf-8") + FRICTION, encoding="utf-8")
+        running = []
+        try:
+            for command in (["virtual", "--hidden", str(hidden)], ["daemon"]):
+                arguments = [command[0], "--config", "dda", "--lockstep", *command[1:]]
+                running.append(process := SupervisedProcess(arguments, house.environment))
+                process.wait_ready(READY_S)
+            yield house
+        finally:
+            for process in reversed(running):
+                process.stop()
+
+
+def test_what_one_swing_leaves_open_a_designed_motion_decides(rubbing_arm: Any, tmp_path: Path) -> None:
+    swing = tmp_path / "swing.toml"
+    swing.write_text(SWING, encoding="utf-8")
+    asked = ("diagnose", "--experiment", "--motion", str(swing), "--budget", "1", "--json", "-")
+    client = rubbing_arm.popen(*asked)
+    out, told = client.communicate(timeout=350)
+    assert client.returncode == 0, told
+    answer = json.loads(out)
+    (played,) = answer["experiments"]
+    assert {"effect": "viscous_friction", "joint": "joint2", "other": None, "channel": None} in played["between"]
+    assert len(played["between"]) >= 2
+    motion = load_motion(played["motion"], load_installation("dda"))
+    check_motion(sample(motion, 1000.0), load_installation("dda"))
+    assert played["predicted_gap"] > 10.0
+    assert played["gap"] > 10.0
+    named = {(f["effect"], f["joint"]) for f in answer["findings"] if f["status"] == "named"}
+    assert ("viscous_friction", "joint2") in named
+    assert len(answer["recordings"]) == 4
+
+
+def test_options_of_experiments_are_refused_without_one(rubbing_arm: Any) -> None:
+    refused = rubbing_arm.etude("diagnose", "--budget", "1", "some.mcap")
+    assert refused.returncode == 2
+    assert "--experiment" in refused.stderr
+    refused = rubbing_arm.etude("diagnose", "--experiment", "--hold", "joint1=0")
+    assert refused.returncode == 2
+    assert "--hold" in refused.stderr
