@@ -87,7 +87,8 @@ class HeldOut:
 
     before: float
     after: float
-    share_of_explainable: float
+    share_of_explainable: float | None
+    """Each joint in multiples of its noise; None where what was left out shows nothing beyond it."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,13 @@ from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.search import FALSE_ALARM, Cause, Search
-from estimator.diagnosis.torques import left_out_power, plain_blocks, residual_power, torque_channels
+from estimator.diagnosis.torques import (
+    left_out_power,
+    plain_blocks,
+    residual_power,
+    share_of_explainable,
+    torque_channels,
+)
 from estimator.diagnosis.traces import Traces, traces
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
@@ -198,15 +204,19 @@ def _held_out(
             residual_power(design, whole, refined.value),
         )
     else:
-        plain = plain_blocks(design, evidence.pieces, evidence.decimations)
-        whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise)
-        before = residual_power(design, total(plain), np.zeros(design.size))
+        plain = plain_blocks(design, evidence.pieces, evidence.decimations, evidence.parts)
+        whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
+        whole = total(plain)
+        before = residual_power(design, whole, np.zeros(design.size))
         after = left_out_power(design, search.weights, whitened, plain, evidence.folds)
-    noise = float(np.sum(evidence.noise.rms[chosen] ** 2))
-    worst, best = float(before[chosen].sum()), float(after[chosen].sum())
-    share = (worst - best) / (worst - noise) if worst > noise else 0.0
-    count = len(chosen)
-    return HeldOut(float(np.sqrt(worst / count)), float(np.sqrt(best / count)), float(np.clip(share, -1.0, 1.0)))
+    variance = evidence.noise.rms[chosen] ** 2
+    freedom = evidence.noise.degrees_of_freedom or np.inf
+    least = _SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))
+    return HeldOut(
+        before=float(np.sqrt(np.mean(before[chosen]))),
+        after=float(np.sqrt(np.mean(after[chosen]))),
+        share_of_explainable=share_of_explainable(before[chosen] / variance, after[chosen] / variance, float(least)),
+    )
 
 
 def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:

@@ -12,6 +12,7 @@ from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.first_body import first_body
+from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, sum_up
 from estimator.diagnosis.maps import map_places
@@ -29,8 +30,6 @@ Array = NDArray[np.float64]
 
 _EXACT = 5e-4
 """Of a channel's rms: time stamps, interpolation and the model's own arithmetic are no more exact than this."""
-_RECORDINGS_A_FOLD = 4
-"""From so many recordings on, whole recordings are left out; else blocks of neighbouring rows."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,8 @@ class Evidence:
     blocks: tuple[Block, ...]
     folds: tuple[int, ...]
     """With which fold each block is left out."""
+    parts: int
+    """Blocks of each recording, at least."""
 
 
 def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:
@@ -78,15 +79,16 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
         noise = assumed_noise(
             [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)], unseen
         )
-    blocks = sum_up(design, pieces, decimations, noise)
+    parts = parts_of(len(trajectories), repeats)
+    blocks = sum_up(design, pieces, decimations, noise, parts)
     if not blocks:
         raise InputError(
             trajectories[0].name, "is too short to judge a model by", "record at least some seconds of motion"
         )
-    recordings = [block.recording for block in blocks]
-    whole = len(set(recordings)) >= _RECORDINGS_A_FOLD
-    folds = recordings if whole else list(range(len(blocks)))
-    return Evidence(design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds))
+    folds = folds_of(blocks, len(trajectories), repeats)
+    return Evidence(
+        design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds), parts
+    )
 
 
 def _told_of(given: RigidBody, effect: Effect, place: Place) -> bool:

@@ -5,6 +5,7 @@ Every test, every score on data left out, every step of the selection is then sm
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.design import Design, stretch_rows
-from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.stretches import Stretch
 
 Array = NDArray[np.float64]
@@ -31,10 +32,15 @@ class Block:
     recording: int
     rows: int
     grams: list[Array]
+    middle: float = math.nan
+    """s, of its rows, in the recording's own time; a sum has none."""
 
 
-def sum_up(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> list[Block]:
-    """Gram matrices of all stretches; ``decimations`` samples a row of each."""
+def sum_up(
+    design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, parts: int = 1
+) -> list[Block]:
+    """Gram matrices of all stretches; ``decimations`` samples a row of each, at least ``parts`` blocks of each that is
+    long enough."""
     total = sum(piece.signals.samples // decimation for piece, decimation in zip(pieces, decimations, strict=True))
     length = max(_LEAST_ROWS, total // _BLOCKS)
     blocks: list[Block] = []
@@ -43,10 +49,12 @@ def sum_up(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int]
         count = rows[0].shape[1]
         if count < _LEAST_ROWS:
             continue
-        edges = np.linspace(0, count, max(1, round(count / length)) + 1).astype(int)
+        own = max(1, round(count / length), min(parts, count // _LEAST_ROWS))
+        edges = np.linspace(0, count, own + 1).astype(int)
+        times = piece.signals.t[::decimation][ORDER:]
         for begin, end in pairwise(edges):
             grams = [x[:, begin:end] @ x[:, begin:end].T for x in rows]
-            blocks.append(Block(piece.recording, int(end - begin), grams))
+            blocks.append(Block(piece.recording, int(end - begin), grams, float(times[(begin + end) // 2])))
     return blocks
 
 

@@ -30,9 +30,9 @@ def residual_power(design: Design, block: Block, value: Array) -> Array:
     return result / block.rows
 
 
-def plain_blocks(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int]) -> list[Block]:
+def plain_blocks(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], parts: int = 1) -> list[Block]:
     """Grams of rows in the channels' own units, in the same blocks as the whitened ones."""
-    return sum_up(design, pieces, decimations, Noise.none(len(design.channels)))
+    return sum_up(design, pieces, decimations, Noise.none(len(design.channels)), parts)
 
 
 def left_out_power(
@@ -51,6 +51,18 @@ def left_out_power(
             square += residual_power(design, plain[k], model.value) * plain[k].rows
             rows += plain[k].rows
     return np.asarray(square / rows)
+
+
+def share_of_explainable(before: Array, after: Array, least: float) -> float | None:
+    """Of what any model could explain, how much is explained, −1 … 1.
+
+    ``before``, ``after`` (joints,) in multiples of each joint's noise variance, so that no noisy joint rules the
+    others. None where the joints together do not exceed their noise by ``least``: there is nothing to explain.
+    """
+    explainable = float(np.sum(before - 1.0))
+    if explainable < least:
+        return None
+    return float(np.clip(np.sum(before - after) / explainable, -1.0, 1.0))
 
 
 def rows_of(design: Design, piece: Stretch, decimation: int, value: Array) -> Array:

@@ -51,11 +51,16 @@ def _lead(answer: Answer) -> Html:
         text = f"Something repeats in the torque of {joints} that no effect of the catalogue explains."
     else:
         held_out = answer["gain"]["held_out_torque"]
+        share = held_out["share_of_explainable"]
         count = len(summary)
         text = (
             f"{'One cause' if count == 1 else f'{count} causes'} found. On motion that was not learnt from, the torque "
             f"residual falls from {figure(held_out['before_rms'])} to {figure(held_out['after_rms'])} N·m rms: "
-            f"{_percent(held_out['share_of_explainable'])} of what any model could explain."
+            + (
+                "that motion shows nothing beyond the noise."
+                if share is None
+                else f"{_percent(share)} of what any model could explain."
+            )
         )
     return joined([badge(answer["verdict"]), text])
 

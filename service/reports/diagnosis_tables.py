@@ -23,9 +23,11 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     shown += [_played(one) for one in answer.get("experiments", [])]
     shown.append(_residuals(answer["torque_residual"]))
     held_out = answer["gain"]["held_out_torque"]
+    share = held_out["share_of_explainable"]
+    explained = "nothing beyond the noise" if share is None else f"{100 * share:.0f} % of what can be explained"
     shown.append(
         f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} N·m rms, "
-        f"{100 * held_out['share_of_explainable']:.0f} % of what can be explained"
+        f"{explained}"
     )
     simulation = answer["gain"]["simulation"]
     if simulation is not None:

@@ -1,0 +1,63 @@
+"""What is left out together: a motion with all its playings, so that no repeat of it stays behind to be learnt from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+
+from estimator.diagnosis.grams import Block
+from estimator.repeats import RepeatGroup
+
+_MOTIONS = 3
+"""From so many motions on, whole motions are left out; else parts of them."""
+_PARTS = 3
+"""Parts that each recording has at least where parts of motions are left out."""
+
+
+def motions(recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
+    """For each recording the first one that is tied to it by repeated motions, through others if need be."""
+    first = list(range(recordings))
+    for group in groups:
+        tied = {first[occurrence.trajectory] for occurrence in group.occurrences}
+        first = [min(tied) if own in tied else own for own in first]
+    return first
+
+
+def parts_of(recordings: int, groups: Sequence[RepeatGroup]) -> int:
+    """Blocks that each recording has to be cut into at least."""
+    return 1 if len(set(motions(recordings, groups))) >= _MOTIONS else _PARTS
+
+
+def folds_of(blocks: Sequence[Block], recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
+    """For each block the number of the fold that it is left out with.
+
+    Whole motions with all that repeats them, where there are several; else the blocks of all playings that lie in the
+    same part of their motion. Where playings are shorter than a block, blocks of neighbouring rows, each alone: the
+    repeats of such a motion cannot be kept out.
+    """
+    motion = motions(recordings, groups)
+    keys: list[Hashable] = [motion[block.recording] for block in blocks]
+    if len(set(keys)) < _MOTIONS:
+        keys = _by_part(blocks, groups)
+    if len(set(keys)) < _MOTIONS:
+        keys = list(range(len(blocks)))
+    number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    return [number[key] for key in keys]
+
+
+def _by_part(blocks: Sequence[Block], groups: Sequence[RepeatGroup]) -> list[Hashable]:
+    keys: list[Hashable] = [("alone", k) for k in range(len(blocks))]
+    for number, group in enumerate(groups):
+        phases = {k: phase for k, block in enumerate(blocks) if (phase := _phase(group, block)) is not None}
+        parts = max(1, round(len(phases) / len(group.occurrences)))
+        keys = [("part", number, math.floor(phases[k] * parts)) if k in phases else key for k, key in enumerate(keys)]
+    return keys
+
+
+def _phase(group: RepeatGroup, block: Block) -> float | None:
+    """0 … 1 (excluded): where in the repeated motion the middle of a block lies; None: it is no playing of it."""
+    for occurrence in group.occurrences:
+        phase = (block.middle - occurrence.start) / group.duration
+        if occurrence.trajectory == block.recording and 0.0 <= phase < 1.0:
+            return phase
+    return None
