@@ -1,0 +1,75 @@
+"""`etude diagnose` with recordings that cannot be this arm's: it says so in one sentence, and names no friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from config.loader import HERE
+from estimator import inverse_dynamics, load_rigid_body
+from service.cli.entry import run
+
+DDA = HERE / "arms" / "dda" / "dda.urdf"
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(autouse=True)
+def _state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ETUDE_STATE", str(tmp_path / "state"))
+
+
+def motion(seconds: float = 8.0) -> tuple[Array, Array, Array]:
+    """t, q and tau of the direct drive arm, with some noise."""
+    random = np.random.default_rng(3)
+    body = load_rigid_body(DDA)
+    t = np.arange(0.0, seconds, 0.004)
+    w = 2 * np.pi * np.array([[0.31, 0.47, 0.61], [0.83, 0.71, 1.07]])
+    a = np.array([[0.8, 0.7, 0.9], [0.25, 0.3, 0.35]])
+    phase = t[:, None, None] * w
+    q = np.sum(a * np.sin(phase), axis=1) + [3.5, 2.7, 1.7]
+    dq, ddq = np.sum(a * w * np.cos(phase), axis=1), np.sum(-a * w**2 * np.sin(phase), axis=1)
+    tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+    return t, q + random.normal(0.0, 2e-5, q.shape), tau + random.normal(0.0, 0.3, tau.shape)
+
+
+def told(tmp_path: Path, capsys: pytest.CaptureFixture[str], t: Array, q: Array, tau: Array, urdf: Path = DDA) -> str:
+    """The one sentence, exit code 2, that the command ends with."""
+    path = tmp_path / "recorded.csv"
+    joints = load_rigid_body(DDA).joints
+    header = ",".join(["t", *(f"{kind}_{joint}" for kind in ("q", "tau") for joint in joints)])
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="", fmt="%.9g")
+    assert run(["diagnose", str(path), "--arm", str(DDA), "--json", str(tmp_path / "answer.json")]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    lines = [line for line in shown.err.strip().splitlines() if line.startswith("etude: ")]
+    assert len(lines) == 1, shown.err
+    assert "friction" not in lines[0]
+    assert "Traceback" not in shown.err
+    assert not (tmp_path / "answer.json").exists()
+    return lines[0]
+
+
+@pytest.mark.parametrize("scale", [1000.0, 0.001], ids=["mN·m", "kN·m"])
+def test_torques_in_the_wrong_unit(scale: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    assert "torque" in told(tmp_path, capsys, t, q, scale * tau)
+
+
+@pytest.mark.parametrize("joints", [[0, 1, 2], [1]], ids=["all", "one"])
+def test_torques_of_the_wrong_sign(joints: list[int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    tau[:, joints] *= -1.0
+    assert "sign" in told(tmp_path, capsys, t, q, tau)
+
+
+def test_swapped_channels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    assert "out of order" in told(tmp_path, capsys, t, q[:, [1, 0, 2]], tau[:, [1, 0, 2]])
+
+
+def test_too_short_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion(0.3)
+    assert "seconds" in told(tmp_path, capsys, t, q, tau)
