@@ -63,8 +63,8 @@ MISTAKES = [
         '"servo_damping"',
         '"servo_damper"',
         "etude402_tacho.toml: start_up[1].from_key: 'servo_damper' is none of 'servo_stiffness', "
-        "'servo_damping', 'torque_limit', 'velocity_limit', 'position_low' or 'position_high'; choose "
-        "one of them",
+        "'servo_damping', 'torque_limit', 'velocity_limit', 'position_low', 'position_high' or "
+        "'following_error'; choose one of them",
     ),
     (
         "etude402_tacho.toml",

@@ -237,7 +237,7 @@ def test_absent_and_unreadable_files(tmp_path: Path) -> None:
     latin.write_bytes('description = "Étude"'.encode("latin-1"))
     with pytest.raises(InputError, match=r"latin\.toml: is not UTF-8 text \(byte 15\)"):
         load_installation(str(latin))
-    with pytest.raises(InputError, match=r"cannot be read \(Is a directory\)"):
+    with pytest.raises(InputError, match=r"cannot be read \(it is no file\)"):
         load_installation(f"{tmp_path}/")
 
 

@@ -28,7 +28,7 @@ class FakeArm:
     def _status(self) -> Any:
         if not self._answers:
             raise InputError("cyclic loop", "has not answered status within 5 s", "see its log")
-        return SimpleNamespace(state=self._state, last_frames=self._frames)
+        return SimpleNamespace(state=self._state, cause=None, last_frames=self._frames)
 
     async def disable(self) -> None:
         self.asked.append("disable")
