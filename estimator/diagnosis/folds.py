@@ -8,8 +8,8 @@ from collections.abc import Hashable, Sequence
 from estimator.diagnosis.grams import Block
 from estimator.repeats import RepeatGroup
 
-_MOTIONS = 3
-"""From so many motions on, whole motions are left out; else parts of them."""
+_MOTIONS = 4
+"""From so many motions on, whole motions are left out; of fewer, too little would stay to be learnt from."""
 _PARTS = 3
 """Parts that each recording has at least where parts of motions are left out."""
 
@@ -39,7 +39,7 @@ def folds_of(blocks: Sequence[Block], recordings: int, groups: Sequence[RepeatGr
     keys: list[Hashable] = [motion[block.recording] for block in blocks]
     if len(set(keys)) < _MOTIONS:
         keys = _by_part(blocks, groups)
-    if len(set(keys)) < _MOTIONS:
+    if len(set(keys)) < _PARTS:
         keys = list(range(len(blocks)))
     number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     return [number[key] for key in keys]
