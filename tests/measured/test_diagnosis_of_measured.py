@@ -10,7 +10,6 @@ from benchmarks.measured import emps, is_here
 from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
-    kuka_diagnosed,
     number,
     odrive_diagnosed,
     panda_diagnosed,
@@ -58,10 +57,3 @@ def test_the_panda_rubs_and_its_speeds_come_late() -> None:
     assert number(late[0], "delay") == pytest.approx(5.4e-3, abs=1e-3)
     assert len(found.findings) <= 2 * len(found.joints)
     assert found.held_out.after < 0.6 * found.held_out.before
-
-
-def test_the_kuka_s_friction_is_named_on_every_axis() -> None:
-    needs("kuka_kr300")
-    found = kuka_diagnosed()
-    assert {f.place.joint for f in found.findings if f.effect in FRICTION} == set(range(6))
-    assert found.held_out.after < 0.5 * found.held_out.before
