@@ -11,7 +11,7 @@ from rich.table import Table
 from service import outcomes
 from service.answers import finite
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, JsonOption
+from service.cli.options import ArmOption, BandOption, FrameOption, JsonOption
 from service.identification.request import LoadRequest, as_paths
 
 app = typer.Typer(help="Calibrate what the arm measures.", no_args_is_help=True, rich_markup_mode=None)
@@ -29,12 +29,8 @@ def torque_constant(
         list[str], typer.Option("--without", metavar="FREE", help="The same motion without the load; repeat.")
     ],
     arm: ArmOption = None,
-    frame: Annotated[
-        str | None, typer.Option("--frame", metavar="LINK", help="The sensor's link of the URDF. [the configured one]")
-    ] = None,
-    band_hz: Annotated[
-        float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
-    ] = None,
+    frame: FrameOption = None,
+    band_hz: BandOption = None,
     json: JsonOption = None,
 ) -> None:
     """True over measured torque of each joint, by a load that the wrist sensor weighs.

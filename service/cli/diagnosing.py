@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +10,19 @@ import typer
 from config import InputError
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, AttachedOption, JsonOption, new_directory
+from service.cli.options import (
+    JOINT_STATES,
+    ArmOption,
+    AttachedOption,
+    HoldOption,
+    HoldOutOption,
+    JsonOption,
+    MotionsOption,
+    OutOption,
+    TopicOption,
+    new_directory,
+    refuse,
+)
 from service.identification.request import as_paths
 
 
@@ -23,17 +34,10 @@ def diagnose(
             help="Recordings (MCAP, CSV, text channels); motions that were played twice tell the noise.",
         ),
     ] = None,
-    hold_out: Annotated[
-        list[str] | None, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
-    ] = None,
+    hold_out: HoldOutOption = None,
     arm: ArmOption = None,
-    hold: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat for several."
-        ),
-    ] = None,
-    topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
+    hold: HoldOption = None,
+    topic: TopicOption = JOINT_STATES,
     tolerance: Annotated[
         float, typer.Option("--tolerance", metavar="SHARE", help="How exactly the model's link parameters are known.")
     ] = 0.05,
@@ -44,21 +48,17 @@ def diagnose(
     budget: Annotated[
         int | None, typer.Option("--budget", metavar="N", min=0, max=20, help="Deciding motions to play at most. [2]")
     ] = None,
-    motion: Annotated[
-        list[str] | None, typer.Option("--motion", help="Motion to begin with, in place of the arm's own list; repeat.")
-    ] = None,
+    motion: MotionsOption = None,
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
     attached: AttachedOption = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where answer and page go. [the state directory]")
-    ] = None,
+    out: OutOption = None,
     json: JsonOption = None,
 ) -> None:
     """Name what the arm's model gets wrong, from recordings or by experiment."""
     if experiment:
-        unfit = (("--hold", hold), ("--out", out), ("--topic", topic != "/joint_states"))
-        _refuse(unfit, "is for diagnosing from recordings alone", "leave it out, or --experiment")
+        unfit = (("--hold", hold), ("--out", out), ("--topic", topic != JOINT_STATES))
+        refuse(unfit, "is for diagnosing from recordings alone", "leave it out, or --experiment")
         answer = conduct(
             arm,
             "diagnose",
@@ -75,7 +75,7 @@ def diagnose(
         )
     else:
         beside = (("--budget", budget is not None), ("--motion", motion), ("--attached", attached))
-        _refuse(beside, "is for diagnosing by experiment", "add --experiment")
+        refuse(beside, "is for diagnosing by experiment", "add --experiment")
         if not recordings:
             raise InputError(
                 "recordings",
@@ -88,13 +88,6 @@ def diagnose(
     for note in answer["notes"]:
         say(f"etude: {note}")
     publish(answer, json, *diagnosis_report(answer))
-
-
-def _refuse(options: Iterable[tuple[str, object]], problem: str, remedy: str) -> None:
-    """Raise InputError for the first of these options that was given."""
-    for name, given in options:
-        if given:
-            raise InputError(name, problem, remedy)
 
 
 def _from_recordings(

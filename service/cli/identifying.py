@@ -10,7 +10,21 @@ import typer
 from config import InputError
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_ask, new_directory
+from service.cli.options import (
+    JOINT_STATES,
+    ArmOption,
+    AttachedOption,
+    BandOption,
+    HoldOption,
+    HoldOutOption,
+    JsonOption,
+    MotionsOption,
+    OutOption,
+    TopicOption,
+    arm_to_ask,
+    new_directory,
+    refuse,
+)
 from service.identification.request import EstimatorName, LinksRequest, as_paths
 
 app = typer.Typer(help="Identify inertial parameters.", no_args_is_help=True, rich_markup_mode=None)
@@ -35,49 +49,30 @@ def links(
             metavar="[RECORDING]...", help="Recordings (MCAP, CSV, text channels). None: the arm moves itself."
         ),
     ] = None,
-    hold_out: Annotated[
-        list[str] | None, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
-    ] = None,
+    hold_out: HoldOutOption = None,
     arm: ArmOption = None,
-    hold: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat for several."
-        ),
-    ] = None,
-    topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
-    motion: Annotated[
-        list[str] | None, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat.")
-    ] = None,
+    hold: HoldOption = None,
+    topic: TopicOption = JOINT_STATES,
+    motion: MotionsOption = None,
     design: Annotated[
         bool, typer.Option("--design", help="Design the motion that tells the most, and play it in place of a list.")
     ] = False,
     estimator: EstimatorOption = "optimal_filter",
-    band_hz: Annotated[
-        float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
-    ] = None,
+    band_hz: BandOption = None,
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
     attached: AttachedOption = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where the model and the plot go. [the state directory]")
-    ] = None,
+    out: OutOption = None,
     json: JsonOption = None,
 ) -> None:
     """Identify the links, from recordings or by moving the arm."""
     if recordings:
-        unfit = [
-            name for name, given in (("--motion", motion), ("--design", design), ("--attached", attached)) if given
-        ]
-        if unfit:
-            raise InputError(
-                unfit[0], "is for identifying by moving the arm", "leave it out, or leave the recordings out"
-            )
+        moving = (("--motion", motion), ("--design", design), ("--attached", attached))
+        refuse(moving, "is for identifying by moving the arm", "leave it out, or leave the recordings out")
         answer = _from_recordings(recordings, hold_out or [], arm, hold or [], topic, estimator, band_hz, out)
     else:
-        unfit = [name for name, given in (("--hold-out", hold_out), ("--hold", hold), ("--out", out)) if given]
-        if unfit:
-            raise InputError(unfit[0], "is for identifying from recordings", "give recordings to learn from")
+        reading = (("--hold-out", hold_out), ("--hold", hold), ("--out", out))
+        refuse(reading, "is for identifying from recordings", "give recordings to learn from")
         if design and motion:
             raise InputError("--design", "makes the motion itself", "leave --motion out, or --design")
         asked = {

@@ -11,26 +11,39 @@ from config import InputError
 from service import outcomes
 from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, AttachedOption, JsonOption, new_directory
+from service.cli.options import (
+    JOINT_STATES,
+    ArmOption,
+    AttachedOption,
+    BandOption,
+    FrameOption,
+    HoldOption,
+    HoldOutOption,
+    JsonOption,
+    MotionsOption,
+    Names,
+    OutOption,
+    TopicOption,
+    new_directory,
+    refuse,
+)
 from service.identification.request import LoadForm, LoadRequest, Tolerance, as_paths
 
-Recordings = list[str] | None
+LEAVE_OUT = "leave it out"
 
 
 def load(
     recordings: Annotated[
-        Recordings,
+        Names,
         typer.Argument(metavar="[RECORDING]...", help="Recordings with the load. None: the arm moves itself."),
     ] = None,
     without: Annotated[
-        Recordings,
+        Names,
         typer.Option("--without", metavar="FREE", help="Recording without the load: joint torques tell; repeat."),
     ] = None,
-    hold_out: Annotated[
-        Recordings, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
-    ] = None,
+    hold_out: HoldOutOption = None,
     tare: Annotated[
-        Recordings,
+        Names,
         typer.Option("--tare", metavar="RECORDING", help="At rest without the load, before or after; repeat."),
     ] = None,
     hand: Annotated[
@@ -49,27 +62,16 @@ def load(
         float, typer.Option("--centre-tolerance", metavar="M", help="With --expect, a coordinate.")
     ] = Tolerance.centre_m,
     arm: ArmOption = None,
-    hold: Annotated[
-        Recordings,
-        typer.Option("--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat."),
-    ] = None,
-    topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
-    frame: Annotated[
-        str | None, typer.Option("--frame", metavar="LINK", help="The sensor's link of the URDF. [the configured one]")
-    ] = None,
+    hold: HoldOption = None,
+    topic: TopicOption = JOINT_STATES,
+    frame: FrameOption = None,
     form: Annotated[LoadForm, typer.Option("--form", help="Of the equation; static: rests alone.")] = "differentiated",
-    band_hz: Annotated[
-        float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)
-    ] = None,
-    motion: Annotated[
-        Recordings, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat.")
-    ] = None,
+    band_hz: BandOption = None,
+    motion: MotionsOption = None,
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
     attached: AttachedOption = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where load and plot go. [the state directory]")
-    ] = None,
+    out: OutOption = None,
     json: JsonOption = None,
 ) -> None:
     """Identify a load, from recordings or by moving the arm; by the wrist sensor, or --without it by joint torques.
@@ -85,9 +87,10 @@ def load(
         "band_hz": band_hz,
     }
     if recordings:
-        _refuse((("--motion", motion), ("--attached", attached)), "is for identifying by moving the arm")
+        moving = (("--motion", motion), ("--attached", attached))
+        refuse(moving, "is for identifying by moving the arm", LEAVE_OUT)
         unfit = (("--tare", tare), ("--hand", hand), ("--hold-out", hold_out)) if without else ()
-        _refuse(unfit, "is for identifying from wrenches")
+        refuse(unfit, "is for identifying from wrenches", LEAVE_OUT)
         if without and form != "differentiated":
             raise InputError("--form", "has no choice when joint torques tell", "leave it out")
         answer = _from_recordings(
@@ -95,7 +98,7 @@ def load(
         )
     else:
         only = (("--without", without), ("--hold-out", hold_out), ("--hold", hold), ("--out", out), ("--frame", frame))
-        _refuse(only, "is for identifying from recordings")
+        refuse(only, "is for identifying from recordings", LEAVE_OUT)
         asked = {
             "motions": [motion_reference(m) for m in motion or []],
             "tares": [str(path) for path in as_paths(tare or [])],
@@ -150,12 +153,6 @@ def _from_recordings(
     )
     with progress() as tell:
         return identify(request, tell).answer
-
-
-def _refuse(given: tuple[tuple[str, object], ...], problem: str) -> None:
-    for name, value in given:
-        if value:
-            raise InputError(name, problem, "leave it out")
 
 
 def _absolute(path: Path | None) -> Path | None:

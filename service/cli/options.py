@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -26,6 +27,33 @@ ArmOption = Annotated[
 AttachedOption = Annotated[
     bool, typer.Option("--attached", help="Stop the arm when this client goes away; by default the session carries on.")
 ]
+Names = list[str] | None
+HoldOutOption = Annotated[
+    Names, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
+]
+HoldOption = Annotated[
+    Names,
+    typer.Option("--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat for several."),
+]
+TopicOption = Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")]
+JOINT_STATES = "/joint_states"
+FrameOption = Annotated[
+    str | None, typer.Option("--frame", metavar="LINK", help="The sensor's link of the URDF. [the configured one]")
+]
+MotionsOption = Annotated[
+    Names, typer.Option("--motion", help="Motion to play, in place of the arm's own list; repeat for several.")
+]
+BandOption = Annotated[float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Where the results go. [the state directory]")
+]
+
+
+def refuse(options: Iterable[tuple[str, object]], problem: str, remedy: str) -> None:
+    """Raise InputError for the first of these options (name, value) that was given."""
+    for name, given in options:
+        if given:
+            raise InputError(name, problem, remedy)
 
 
 def arm_to_start(arm: str | None) -> str:

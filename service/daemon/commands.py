@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import asdict
-from typing import Any, TypeVar
+from dataclasses import asdict, dataclass
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from config import InputError
+from config import InputError, Installation
 from service.daemon.server import Call, Command
 from service.practice.course import PracticeArguments
 from service.sessions.compare_controllers import CompareArguments, CompareControllers
@@ -24,9 +24,26 @@ from service.sessions.run_motion import RunArguments, RunMotion
 Arguments = TypeVar("Arguments", bound=BaseModel)
 
 
+@dataclass(frozen=True)
+class SessionKind(Generic[Arguments]):
+    """One kind of session: what is asked, and the procedure that does it."""
+
+    arguments: type[Arguments]
+    procedure: Callable[[Installation, Arguments], Procedure]
+
+
+SESSIONS: dict[str, SessionKind[Any]] = {
+    "run": SessionKind(RunArguments, RunMotion),
+    "identify_links": SessionKind(IdentifyLinksArguments, IdentifyLinks),
+    "identify_load": SessionKind(IdentifyLoadArguments, IdentifyLoad),
+    "diagnose": SessionKind(DiagnoseArguments, DiagnoseArm),
+    "practise": SessionKind(PracticeArguments, Practise),
+    "compare_controllers": SessionKind(CompareArguments, CompareControllers),
+}
+
+
 def commands_of(conductor: Conductor) -> dict[str, Command]:
     """Every command by name. ``status`` and ``follow`` only look; the others move the arm or stop it."""
-    installation = conductor.moving.installation
 
     async def status(call: Call) -> dict[str, Any]:
         return await _status(conductor)
@@ -45,55 +62,32 @@ def commands_of(conductor: Conductor) -> dict[str, Command]:
         await asyncio.to_thread(conductor.moving.loop.reset)
         return await _status(conductor)
 
-    async def run(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, RunArguments)
-        return await _conducted(conductor, call, attached, lambda: RunMotion(installation, asked))
-
-    async def identify_links(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, IdentifyLinksArguments)
-        return await _conducted(conductor, call, attached, lambda: IdentifyLinks(installation, asked))
-
-    async def identify_load(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, IdentifyLoadArguments)
-        return await _conducted(conductor, call, attached, lambda: IdentifyLoad(installation, asked))
-
-    async def diagnose(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, DiagnoseArguments)
-        return await _conducted(conductor, call, attached, lambda: DiagnoseArm(installation, asked))
-
-    async def practise(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, PracticeArguments)
-        return await _conducted(conductor, call, attached, lambda: Practise(installation, asked))
-
-    async def compare_controllers(call: Call) -> dict[str, Any]:
-        attached, asked = _taken(call.arguments, CompareArguments)
-        return await _conducted(conductor, call, attached, lambda: CompareControllers(installation, asked))
-
     return {
         "status": Command(status, looks_only=True),
         "follow": Command(follow, looks_only=True),
         "stop": Command(stop),
         "reset": Command(reset),
-        "run": Command(run),
-        "identify_links": Command(identify_links),
-        "identify_load": Command(identify_load),
-        "diagnose": Command(diagnose),
-        "practise": Command(practise),
-        "compare_controllers": Command(compare_controllers),
+        **{name: Command(_conducting(conductor, kind)) for name, kind in SESSIONS.items()},
     }
 
 
-async def _conducted(conductor: Conductor, call: Call, attached: bool, make: Callable[[], Procedure]) -> dict[str, Any]:
-    procedure = await asyncio.to_thread(make)
-    running = conductor.start(procedure, attached=attached, uid=call.peer.uid)
-    try:
-        return await running.follow(call.progress)
-    except (asyncio.CancelledError, ConnectionError):
-        if attached:
-            await _to_its_end(
-                conductor.cancel(running, f"the client it was attached to (process {call.peer.pid}) is gone")
-            )
-        raise
+def _conducting(conductor: Conductor, kind: SessionKind[Any]) -> Callable[[Call], Awaitable[dict[str, Any]]]:
+    """What a request for a session of this kind does: check it as a whole, conduct it, follow it."""
+
+    async def conduct(call: Call) -> dict[str, Any]:
+        attached, asked = _taken(call.arguments, kind.arguments)
+        procedure = await asyncio.to_thread(kind.procedure, conductor.moving.installation, asked)
+        running = conductor.start(procedure, attached=attached, uid=call.peer.uid)
+        try:
+            return await running.follow(call.progress)
+        except (asyncio.CancelledError, ConnectionError):
+            if attached:
+                await _to_its_end(
+                    conductor.cancel(running, f"the client it was attached to (process {call.peer.pid}) is gone")
+                )
+            raise
+
+    return conduct
 
 
 async def _to_its_end(work: Awaitable[None]) -> None:
