@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from typing import Literal
 
 from pydantic import PrivateAttr
@@ -12,6 +13,7 @@ from virtual_hw.drive.sdo import SdoServer
 from virtual_hw.faults.fault import JointFault, Stage
 
 _ABORT = struct.Struct("<BHBI")
+_ABORTED = b"\x80"
 
 
 class _SdoFault(JointFault):
@@ -64,16 +66,19 @@ class SdoAborted(_SdoFault):
 
 
 class SdoLate(_SdoFault):
-    """Each answer comes only with the next request: by then the host has given up on it."""
+    """Each answer comes only with the second request after its own: by then the host has given up on it and on its
+    retry. That the host aborts a transfer hurries nothing."""
 
     kind: Literal["sdo_late"]
-    _held: bytes | None = PrivateAttr(default=None)
+    _held: deque[bytes | None] = PrivateAttr(default_factory=deque)
 
     def _answer(self, request: bytes) -> bytes | None:
-        if not self._concerns(request) and self._held is None:
+        if request[:1] == _ABORTED:
+            return None
+        if not self._concerns(request) and not self._held:
             return self._real(request)
-        answer, self._held = self._held, self._real(request)
-        return answer
+        self._held.append(self._real(request))
+        return self._held.popleft() if len(self._held) > 2 else None
 
 
 class SdoOtherObject(_SdoFault):
