@@ -1,4 +1,8 @@
-"""One arm in one process for a fault: the stand-in in a thread, the loop stepped by hand, all in virtual time."""
+"""One arm in one process for a fault: the stand-in in a thread, the loop stepped by hand, all in virtual time.
+
+On the local bus time is moved by the loop's ticks (lockstep). On SocketCAN both follow the clock, and virtual time is
+the guest kernel's (tests/vcan/guest).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import os
 import socket
 import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +27,7 @@ from driver.cyclic.loop import CyclicLoop
 from driver.cyclic.status import RealtimeReport
 from driver.plan import Plan
 from virtual_hw.bus.local import LocalPort
+from virtual_hw.bus.socketcan import SocketCanPort
 from virtual_hw.event_loop import serve
 from virtual_hw.faults import FaultScript, Injector
 from virtual_hw.faults.fault import Stage
@@ -61,6 +67,11 @@ class Kept:
         """Nothing to close."""
 
 
+def in_lockstep(installation: Installation) -> bool:
+    """Whether its buses are local ones."""
+    return all(bus.channel.startswith("local:") for bus in installation.bus)
+
+
 class StandIn:
     """The stand-in arm with faults, in a thread of this process."""
 
@@ -70,10 +81,14 @@ class StandIn:
         self._plant = plant
         self._low = self._high = np.full(plant.n, np.nan)
         self._speeds: deque[float] = deque(maxlen=REST_TICKS)
-        self.rig = Rig(installation, plant, START_NS)
-        self._ports = [
-            LocalPort(run_dir / declared.channel.partition(":")[2], bus)
-            for bus, declared in zip(self.rig.buses, installation.bus, strict=True)
+        self.lockstep = in_lockstep(installation)
+        # The rig's time is the recordings' in both, so that a fault's beginning is on the loop's scale.
+        self.rig = Rig(installation, plant, START_NS if self.lockstep else time.time_ns())
+        self._ports: list[LocalPort | SocketCanPort] = [
+            LocalPort(run_dir / where, bus) if kind == "local" else SocketCanPort(where, bus)
+            for bus, (kind, _, where) in zip(
+                self.rig.buses, (declared.channel.partition(":") for declared in installation.bus), strict=True
+            )
         ]
         self._sensors = build_sensors(installation, hidden, plant, seed, run_dir)
         self.rig.power_stage.connect(self._sensors)
@@ -82,7 +97,7 @@ class StandIn:
         self.rig.at_ticks.append(self._watch)
         self._wake, self._end = socket.socketpair()
         self._thread = threading.Thread(
-            target=serve, args=(self.rig, self._ports, self._sensors, self._wake), kwargs={"lockstep": True}
+            target=serve, args=(self.rig, self._ports, self._sensors, self._wake), kwargs={"lockstep": self.lockstep}
         )
         self._thread.start()
 
@@ -194,7 +209,7 @@ def commissioned(installation: Installation, stand_in: StandIn) -> Iterator[Benc
     kept = Kept()
     loop = CyclicLoop(
         installation,
-        lockstep=True,
+        lockstep=stand_in.lockstep,
         ring=kept,  # type: ignore[arg-type]
         realtime=RealtimeReport("normal", False, 0, ()),
         progress=lambda _: None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from abc import abstractmethod
 from collections import deque
 from typing import Literal
 
@@ -34,8 +35,9 @@ class _SdoFault(JointFault):
     def _concerns(self, request: bytes) -> bool:
         return not self.index or (len(request) == 8 and int.from_bytes(request[1:3], "little") == self.index)
 
+    @abstractmethod
     def _answer(self, request: bytes) -> bytes | None:
-        raise NotImplementedError
+        """What the drive sends in answer to a request; None for nothing."""
 
     def _real(self, request: bytes) -> bytes | None:
         assert self._server is not None
