@@ -29,6 +29,8 @@ IDLE_POLL_S = 0.05
 QUIET_FLUSH_S = 0.05
 """On the wall clock: when the loop falls silent, what is there goes to disk after this."""
 ANSWER_S = 30.0
+KILLED_S = 1.0
+"""A killed process is gone by then, unless the disk holds it."""
 BATCH = 256
 SUFFIX = ".mcap"
 WARM_UP_CYCLES = 20
@@ -57,6 +59,7 @@ class RecorderProcess:
         self._process = process
         self._connection = connection
         self._asking = threading.Lock()
+        self._hung = False
 
     @classmethod
     def start(cls, installation: Installation, ring_name: str, directory: Path) -> RecorderProcess:
@@ -79,6 +82,21 @@ class RecorderProcess:
     @property
     def pid(self) -> int | None:
         return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is there to be asked; one that did not answer in time is not any more."""
+        return not self._hung and self._process.is_alive()
+
+    @property
+    def ending(self) -> str:
+        """How it ended: "was killed by signal 9"."""
+        code = self._process.exitcode
+        if self._hung:
+            return f"had not answered within {ANSWER_S:g} s and was killed"
+        if code is None:
+            return "still runs"
+        return f"ended with exit code {code}" if code >= 0 else f"was killed by signal {-code}"
 
     def start_run(
         self, name: str, directory: Path | None = None, metadata: Mapping[str, str] | None = None,
@@ -104,8 +122,8 @@ class RecorderProcess:
     def close(self) -> None:
         """Complete the file in progress and end the process. Harmless when it is already gone."""
         self._connection.close()
-        self._process.join(ANSWER_S)
-        if self._process.is_alive():
+        self._process.join(KILLED_S if self._hung else ANSWER_S)
+        if self._process.is_alive() and not self._hung:
             self._process.kill()
             self._process.join()
 
@@ -126,6 +144,9 @@ class RecorderProcess:
     def _answer(self) -> Any:
         try:
             if not self._connection.poll(ANSWER_S):
+                # An answer that came later would be taken for that of the next question.
+                self._hung = True
+                self._process.kill()
                 raise InputError("recorder", f"has not answered within {ANSWER_S:g} s", "see whether the disk hangs")
             value, problem = self._connection.recv()
         except (EOFError, OSError):
@@ -138,7 +159,7 @@ class RecorderProcess:
         return InputError(
             "recorder",
             "its process is gone",
-            "what it had written can be recovered; restart the daemon to record again",
+            "what it had written can be recovered",
         )
 
 

@@ -149,6 +149,10 @@ def _shown(status: dict[str, Any]) -> list[Any]:
         lines.append(
             f"sensor {sensor['name']}: {sensor['samples']} samples, {age}" + (", stale" if sensor["stale"] else "")
         )
+    recorder = status["recorder"]
+    if recorder["last_death"]:
+        fresh = "" if recorder["state"] == "gone" else f"; a fresh one is {recorder['state']}"
+        lines.append(f"recorder: {recorder['last_death']}{fresh}")
     if status["session"]:
         s = status["session"]
         lines.append(f"session {s['id']}: {s['state']}, {s['stage']} ({100 * s['progress']:.0f} %)")

@@ -116,6 +116,7 @@ async def _status(conductor: Conductor) -> dict[str, Any]:
     loop = conductor.moving.loop
     status = asdict(await asyncio.to_thread(loop.status))
     status["state"] = status["state"].name.lower()
+    recorder = conductor.moving.recorder.report()
     running = conductor.current
     session = None
     if running is not None:
@@ -131,5 +132,6 @@ async def _status(conductor: Conductor) -> dict[str, Any]:
         "joints": list(conductor.moving.installation.joint_names),
         "installation": str(conductor.moving.installation.path),
         **status,
+        "recorder": {**asdict(recorder), "path": None if recorder.path is None else str(recorder.path)},
         "session": session,
     }

@@ -12,17 +12,17 @@ from contextlib import AsyncExitStack
 from config import Installation, load_installation
 from config.paths import run_directory, state_directory
 from driver.arm import ArmLoop
-from driver.recording import RecorderProcess
 from service.cli.console import say
 from service.daemon.commands import commands_of
 from service.daemon.lock import ArmLock
 from service.daemon.protocol import control_socket, look_socket
 from service.daemon.server import Server
 from service.daemon.systemd import notify
-from service.daemon.watchdog import watch
+from service.daemon.watchdog import watch, watch_recorder
 from service.outcomes import ArmStopped
 from service.sessions.conductor import Conductor
 from service.sessions.moving import MovingArm
+from service.sessions.standing_recorder import StandingRecorder
 from service.sessions.store import SessionStore
 
 log = logging.getLogger(__name__)
@@ -56,7 +56,7 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
         notify("STATUS=commissioning the drives")
         loop = await asyncio.to_thread(ArmLoop.start, installation, lockstep=lockstep, ring_name=ring, progress=_tell)
         stack.push_async_callback(asyncio.to_thread, loop.close)
-        recorder = await asyncio.to_thread(RecorderProcess.start, installation, ring, store.directory)
+        recorder = await asyncio.to_thread(StandingRecorder, installation, ring, store.directory)
         stack.push_async_callback(asyncio.to_thread, recorder.close)
         conductor = Conductor(MovingArm(installation, loop, recorder), store)
         server = Server(commands_of(conductor), control_socket(run_directory(), arm), look_socket(run_directory(), arm))
@@ -68,9 +68,11 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
             say(f"etude daemon: serving {arm} at {control_socket(run_directory(), arm)}")
         asked = asyncio.create_task(ending.wait())
         watching = asyncio.create_task(watch(loop, lockstep=lockstep))
+        reviving = asyncio.create_task(watch_recorder(recorder))
         await asyncio.wait({asked, watching}, return_when=asyncio.FIRST_COMPLETED)
         notify("STOPPING=1", "STATUS=stopping the arm")
         asked.cancel()
+        reviving.cancel()
         if watching.done():
             raise ArmStopped(watching.result())
         watching.cancel()

@@ -1,4 +1,4 @@
-"""Feeds the service manager's watchdog, and notices when the cyclic loop has died."""
+"""Feeds the service manager's watchdog, and notices when the cyclic loop or the recorder has died."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Protocol
 from config import InputError
 from driver.cyclic.status import LoopStatus
 from service.daemon.systemd import notify, watchdog_interval_s
+from service.sessions.standing_recorder import StandingRecorder
 
 LONGEST_PERIOD_S = 2.0
+RECORDER_PERIOD_S = 1.0
 
 
 class Loop(Protocol):
@@ -40,3 +42,10 @@ async def watch(loop: Loop, *, lockstep: bool) -> str:
         if lockstep or status.good_cycles > seen:
             seen = status.good_cycles
             notify("WATCHDOG=1", f"STATUS={status.state.name.lower()}, {status.cycles} cycles, {status.missed} missed")
+
+
+async def watch_recorder(recorder: StandingRecorder) -> None:
+    """Have a fresh recorder take the place of one that died, for as long as the daemon lives."""
+    while True:
+        await asyncio.sleep(RECORDER_PERIOD_S)
+        await asyncio.to_thread(recorder.revive_in_time)

@@ -16,8 +16,8 @@ from config.motion import check_motion, load_motion, point_to_point, sample
 from config.schema import Mode
 from driver.arm import ArmLoop
 from driver.plan import Plan
-from driver.recording import RecorderProcess
 from service.outcomes import ArmStopped
+from service.sessions.standing_recorder import StandingRecorder
 from service.sessions.store import Session
 
 log = logging.getLogger(__name__)
@@ -34,15 +34,15 @@ ALREADY_THERE_RAD = 1e-3
 class MovingArm:
     """Moves the arm and records it for one session at a time. Blocking calls of the driver run in threads."""
 
-    def __init__(self, installation: Installation, loop: ArmLoop, recorder: RecorderProcess) -> None:
+    def __init__(self, installation: Installation, loop: ArmLoop, recorder: StandingRecorder) -> None:
         self.installation = installation
         self.loop = loop
         self.recorder = recorder
 
     async def enable(self, mode: Mode) -> None:
         """Enable all drives; the arm holds where it is. What could not be recorded is not begun: raises InputError
-        when the recorder is gone."""
-        await asyncio.to_thread(self.recorder.status)
+        when the recorder is gone and no fresh one can be had."""
+        await asyncio.to_thread(self.recorder.revive)
         await asyncio.to_thread(self.loop.enable, mode)
 
     async def disable(self) -> None:
@@ -79,7 +79,7 @@ class MovingArm:
             try:
                 await asyncio.to_thread(self.recorder.stop_run)
             except InputError as problem:
-                # Why the motion ended is the answer; the file can be recovered.
+                # Why the motion ended is the answer; what there is of the file is kept.
                 log.error("%s", problem)
             raise
         await asyncio.to_thread(self.recorder.stop_run)

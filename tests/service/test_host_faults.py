@@ -139,25 +139,31 @@ def test_a_session_that_cannot_keep_its_record_leaves_the_arm_off(running_house:
         assert house.answer("status", "--arm", "dda")["state"] == "idle"
 
 
-def test_a_killed_recorder_is_told_and_what_it_wrote_is_kept(running_house: Any, motion: Path) -> None:
-    """The arm goes on to the motion's end; nothing is moved any more that could not be recorded."""
+def test_a_killed_recorder_costs_one_session_and_no_more(running_house: Any, motion: Path) -> None:
+    """The arm goes on to the motion's end; the session says what is kept; a fresh recorder has the next one."""
     house = running_house
+    before = house.answer("status", "--arm", "dda")["recorder"]
+    assert (before["state"], before["pid"]) == ("ready", house.process(RECORDER))
     client = begun(house, motion)
+    assert house.answer("status", "--arm", "dda")["recorder"]["state"] == "recording"
     os.kill(house.process(RECORDER), signal.SIGKILL)
     _, told = client.communicate(timeout=100)
     assert client.returncode == 2, told
-    assert "recorder" in told
+    assert "killed by signal 9" in told
     session = last_session(house)
-    assert (session["state"], "recorder" in session["cause"]) == ("failed", True)
-    left = Path(session["directory"]) / session["recordings"][0]
-    recover(left)
-    assert len(read_recording(left).t) > 20, "at least the rest before the motion"
-    cycles = house.answer("status", "--arm", "dda")["cycles"]
-    refused = house.etude("run", str(motion), "--arm", "dda")
-    assert refused.returncode == 2
-    assert "recorder" in refused.stderr
+    assert session["state"] == "failed"
+    assert "killed by signal 9" in session["cause"] and "are kept" in session["cause"]
+    kept = read_recording(Path(session["directory"]) / session["recordings"][0])
+    assert len(kept.t) > 20, "at least the rest before the motion, and readable as it is"
+    done = house.answer("run", str(motion), "--arm", "dda")
+    assert done["samples"] > 3000
+    assert replay_file(Path(done["recording"])).identical
     status = house.answer("status", "--arm", "dda")
-    assert (status["state"], status["cycles"]) == ("idle", cycles)
+    after = status["recorder"]
+    assert (status["state"], after["state"], after["restarts"]) == ("idle", "ready", before["restarts"] + 1)
+    assert after["pid"] == house.process(RECORDER) != before["pid"]
+    assert "killed by signal 9" in after["last_death"]
+    assert "a fresh one is ready" in house.etude("status", "--arm", "dda").stdout
 
 
 def test_a_loop_stopped_on_the_wall_clock_neither_bursts_nor_goes_on(house: Any, start: Any, motion: Path) -> None:
