@@ -2,6 +2,9 @@
 
 Six joints, a million samples. The reference for speed is a bare loop of `pin.computeJointTorqueRegressor` on the same
 core; both by processor time, which other work on the machine does not enter. For memory, 60 MB above the input.
+
+FIGAROH's figures are as reported where it was tried on another machine: it is not run here, and its ratio says no more
+than the order of magnitude.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from benchmarks.figure import Figure
 SAMPLES = 1_000_000
 RATE_HZ = 500.0
 TRAJECTORIES = 10
+FIGAROH_SAMPLES_PER_S = 8_000.0
+FIGAROH_BYTES_A_SAMPLE = 2.8e9 / 100_000
 
 
 def child() -> None:
@@ -71,5 +76,19 @@ def measure() -> list[Figure]:
     told = json.loads(subprocess.run(command, env=one_core, capture_output=True, text=True, check=True).stdout)
     return [
         Figure("identify_throughput", told["rate"], "samples/s", "bare loop of pin's regressor", told["bare"]),
+        Figure(
+            "identify_throughput_figaroh",
+            told["rate"],
+            "samples/s",
+            "FIGAROH as reported, not run here",
+            FIGAROH_SAMPLES_PER_S,
+        ),
+        Figure(
+            "identify_memory_figaroh",
+            told["megabytes"] / SAMPLES * 1e6,
+            "bytes/sample",
+            "FIGAROH as reported, not run here",
+            FIGAROH_BYTES_A_SAMPLE,
+        ),
         Figure("identify_memory", told["megabytes"], "MB", "60 MB above the input", 60.0),
     ]

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from scipy.signal import detrend
 from scipy.signal.windows import nuttall
 
-from estimator.filtering import FLAT_TO_BAND, FilterPlan, convolve, plan_filter, resample
+from estimator.convolution import convolve
+from estimator.filtering import FLAT_TO_BAND, FilterPlan, plan_filter, resample
 from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from estimator.base_parameters import base_parameters
-from estimator.filtering import convolve, plan_filter, resample
+from estimator.convolution import convolve
+from estimator.filtering import plan_filter, resample
 from estimator.held_by_friction import speeds_to_leave_out
 from estimator.normal_equations import assemble, excited, residual_autocovariance
 from estimator.rigid_body import RigidBody

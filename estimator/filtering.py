@@ -18,10 +18,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import detrend, lfilter, oaconvolve, periodogram
+from scipy.fft import rfft
+from scipy.signal import detrend, lfilter
+from scipy.signal.windows import hann
 
+from estimator.convolution import convolve, convolve_each
 from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -33,10 +35,6 @@ FLAT_TO_BAND = 6.0
 _ROLL_OFF = 0.5
 _ROWS_AT_ONCE = 16
 """Rows that a decimation works on together: they stay in the processor's cache."""
-_PIECE = 64
-"""Outputs of one row of the matrix product that a convolution is …"""
-_LONGEST_PRODUCT = 300
-"""… up to so many taps; longer kernels are transformed."""
 _SPAN = 12
 """Length of the decimating kernel in output samples."""
 
@@ -115,34 +113,6 @@ def _kernels(half: int, cutoff: float, rate: float) -> tuple[Array, Array, Array
     curvature = np.concatenate([tail[::-1], [-2.0 * tail.sum()], tail])
     curvature = curvature * 2.0 / (curvature @ samples**2) * rate**2
     return smooth, slope, curvature
-
-
-def convolve(x: Array, kernel: Array) -> Array:
-    """Zero-phase convolution of (N, k) along the first axis, where the kernel lies wholly inside: (N − len + 1, k)."""
-    result: Array = convolve_each(x, [kernel])[0]
-    return result
-
-
-def convolve_each(x: Array, kernels: Sequence[Array]) -> Array:
-    """`convolve` with several kernels of one length: (kernels, N − len + 1, k), each channel contiguous.
-
-    Short kernels as one matrix product: overlapping pieces of a channel times a band matrix that holds all kernels.
-    """
-    taps = len(kernels[0])
-    if taps > _LONGEST_PRODUCT or len(x) < taps:
-        return np.array([oaconvolve(x, kernel[:, None], mode="valid", axes=0) for kernel in kernels])
-    count, channels = len(x) - taps + 1, x.shape[1]
-    pieces = -(-count // _PIECE)
-    band = np.zeros((len(kernels), taps + 2 * (_PIECE - 1)))
-    band[:, _PIECE - 1 : _PIECE - 1 + taps] = [kernel[::-1] for kernel in kernels]
-    matrix = sliding_window_view(band, taps + _PIECE - 1, axis=1)[:, ::-1].reshape(-1, taps + _PIECE - 1).T
-    padded = np.zeros(pieces * _PIECE + taps - 1)
-    result = np.empty((len(kernels), channels, pieces, _PIECE))
-    for channel in range(channels):
-        padded[: len(x)] = x[:, channel]
-        windows = np.ascontiguousarray(sliding_window_view(padded, taps + _PIECE - 1)[::_PIECE])
-        result[:, channel] = (windows @ matrix).reshape(pieces, len(kernels), _PIECE).swapaxes(0, 1)
-    return result.reshape(len(kernels), channels, -1)[:, :, :count].swapaxes(1, 2)
 
 
 def root_raised_cosine(decimation: int) -> Array:
@@ -229,13 +199,48 @@ def smooth_motion(
     return Motion(smooth, first, second)
 
 
+@dataclass(frozen=True)
+class ThinnedMotion:
+    """Kinematics at every ``stride``-th sample of the grid, where the regressor is evaluated, and the velocities at
+    every sample, for what is not linear in them."""
+
+    thinned: Motion
+    dq: Array
+    """(samples, n)"""
+
+
+def thinned_motion(
+    plan: FilterPlan, q: Array, dq: Array | None, ddq: Array | None, crossover: Array | None = None
+) -> ThinnedMotion:
+    """As `smooth_motion`, but angles and accelerations only where they are used: much of its time is saved."""
+    stride, at_rest = plan.stride, q - q[0]
+    smooth, second = convolve_each(at_rest, [plan.smooth, plan.curvature], stride)
+    smooth += q[0]
+    if dq is None or (crossover is not None and np.all(np.isinf(crossover))):
+        first = convolve_each(at_rest, [plan.slope])[0]
+    else:
+        curvature, second = second, convolve_each(dq, [plan.slope], stride)[0]
+        first = convolve_each(dq, [plan.smooth])[0]
+        joined = np.flatnonzero(np.zeros(q.shape[1]) if crossover is None else crossover)
+        if crossover is not None and len(joined):
+            slope = convolve_each(at_rest[:, joined], [plan.slope])[0]
+            for k, joint in enumerate(joined):
+                decay = crossover[joint] / plan.rate
+                first[:, joint] += _slow_part(slope[:, k] - first[:, joint], float(np.exp(-decay)))
+                off = curvature[:, joint] - second[:, joint]
+                second[:, joint] += _slow_part(off, float(np.exp(-decay * stride)))
+    if ddq is not None:
+        second = convolve_each(ddq, [plan.smooth], stride)[0]
+    return ThinnedMotion(Motion(smooth, first[::stride], second), first)
+
+
 def _slow_part(x: Array, pole: float) -> Array:
     """Zero-phase low-pass 1/(1 + (ω/ω_c)²) along the last axis, pole = exp(−ω_c/rate); beyond the ends x counts as
     zero."""
     if pole == 0.0:
         return x
     forward = lfilter([1.0], [1.0, -pole], x)
-    backward = lfilter([1.0], [1.0, -pole], x[:, ::-1])[:, ::-1]
+    backward = lfilter([1.0], [1.0, -pole], x[..., ::-1])[..., ::-1]
     return np.asarray((forward + backward - x) * (1.0 - pole) / (1.0 + pole))
 
 
@@ -262,17 +267,20 @@ def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> flo
         if piece is None:
             continue
         measured = trajectory.q if trajectory.dq is None else trajectory.dq
-        channel = resample(trajectory.t[piece], measured[piece], trajectory.rate)
+        channel = np.ascontiguousarray(resample(trajectory.t[piece], measured[piece], trajectory.rate).T)
         if trajectory.dq is None:
-            channel = np.asarray(detrend(channel, axis=0))
-        frequency, power = periodogram(channel, trajectory.rate, window="hann", detrend=False, axis=0)
+            channel = np.asarray(detrend(channel, axis=1))
+        frequency = np.fft.rfftfreq(channel.shape[1], 1.0 / trajectory.rate)
+        power = np.abs(rfft(channel * hann(channel.shape[1], sym=False), axis=1)) ** 2
         # A line of pure noise exceeds thirty times the median of its like once in 10⁹.
-        energy = np.where(power > 30.0 * np.median(power[len(power) // 2 :], axis=0), power, 0.0)
+        floor = np.median(power[:, power.shape[1] // 2 :], axis=1, keepdims=True)
+        energy = np.where(power > 30.0 * floor, power, 0.0)
         if trajectory.dq is None:
-            energy *= frequency[:, None] ** 2
+            energy *= frequency**2
+        total = energy.sum(axis=1)
         # A joint with less than 1e-4 of the energy is at rest: its spectrum is chance.
-        moving = energy.sum(axis=0) > 1e-4 * energy.sum(axis=0).max(initial=0.0)
-        cumulative = np.cumsum(energy[:, moving], axis=0) / energy[:, moving].sum(axis=0)
-        reached = [float(frequency[np.searchsorted(column, share)]) for column in cumulative.T]
-        widest = max(widest, *reached)
+        for own, whole in zip(energy, total, strict=True):
+            if whole > 1e-4 * total.max():
+                reached = np.searchsorted(np.cumsum(own) / whole, share)
+                widest = max(widest, float(frequency[reached]))
     return widest

@@ -77,12 +77,13 @@ def assemble(layout: Layout, sums: Sums, weights: Array, by_instruments: bool = 
         unknowns = layout.unknowns(joint)
         p = len(unknowns)
         left = slice(p + 1, 2 * p + 1) if by_instruments else slice(0, p)
-        place = np.ix_(unknowns, unknowns)
         lags = int(np.flatnonzero(weights[joint])[-1]) + 1
-        for b, batch in enumerate(sums.batches):
-            gram = np.tensordot(weights[joint, :lags], batch.lagged[joint][:lags], axes=1)
-            matrix[b][place] += gram[left, :p]
-            right[b, unknowns] += gram[left, p]
+        width = sums.batches[0].lagged[joint].shape[1]
+        gram = np.empty((count, width, width))
+        for batch, own in zip(sums.batches, gram, strict=True):
+            np.matmul(weights[joint, :lags], batch.lagged[joint][:lags].reshape(lags, -1), out=own.reshape(-1))
+        matrix[:, np.array(unknowns)[:, None], unknowns] += gram[:, left, :p]
+        right[:, unknowns] += gram[:, left, p]
     return NormalEquations(matrix, right, np.zeros((size, size)), np.zeros(size))
 
 

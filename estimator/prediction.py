@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.filtering import FLAT_TO_BAND, FilterPlan, convolve, plan_filter, resample, smooth_motion
+from estimator.convolution import convolve
+from estimator.filtering import FLAT_TO_BAND, FilterPlan, plan_filter, resample, smooth_motion
 from estimator.identification import LinkIdentification
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
+from estimator.convolution import convolve_each
 from estimator.filtering import (
     FLAT_TO_BAND,
     Decimator,
     FilterPlan,
-    Motion,
-    convolve,
+    ThinnedMotion,
     plan_filter,
     resample,
-    smooth_motion,
+    thinned_motion,
 )
 from estimator.regressor import regressor_blocks
 from estimator.rigid_body import RigidBody
@@ -53,7 +53,7 @@ class Layout:
     rest_speed: Array
     """(n,) rad/s below which a joint's rows do not count (`estimator.standstill`)."""
     crossover: Array | None
-    """(n,) rad/s at which measured velocities take over from angles; see `estimator.filtering.smooth_motion`."""
+    """(n,) rad/s at which measured velocities take over from angles; see `estimator.filtering.thinned_motion`."""
 
     @property
     def size(self) -> int:
@@ -118,9 +118,9 @@ def trajectory_rows(
             continue
         channels = _on_grid(trajectory, piece, plan.rate, layout.instruments)
         tau = channels["tau"]
-        motion = smooth_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"), layout.crossover)
+        motion = thinned_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"), layout.crossover)
         inner = tau[plan.edge : len(tau) - plan.edge]
-        desired = smooth_motion(plan, channels["q_desired"], None, None) if layout.instruments else None
+        desired = thinned_motion(plan, channels["q_desired"], None, None) if layout.instruments else None
         sums.samples += len(piece)
         sums.duration += len(inner) / plan.rate
         if sums.high_frequency is not None:
@@ -145,11 +145,11 @@ def _on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, comma
 
 def _above_band(tau: Array, inner: Array, plan: FilterPlan) -> Array:
     """Sum of squares that white noise would leave in the decimated rows, judged by what lies above the band."""
-    above = inner - convolve(tau, plan.smooth)
+    above = inner[:: plan.stride] - convolve_each(tau, [plan.smooth], plan.stride)[0]
     centre = plan.smooth[len(plan.smooth) // 2]
     passed = 1.0 - 2.0 * centre + float(plan.smooth @ plan.smooth)
     total = plan.stride * plan.decimation
-    return np.asarray(np.sum(above**2, axis=0) / passed / total**2)
+    return np.asarray(np.mean(above**2, axis=0) * len(inner) / passed / total**2)
 
 
 class _RowMaker:
@@ -161,21 +161,18 @@ class _RowMaker:
         self.fine = Decimator(plan.stride * plan.decimation)
 
     def __call__(
-        self, motion: Motion, tau: Array, desired: Motion | None, usable: NDArray[np.bool_] | None
+        self, motion: ThinnedMotion, tau: Array, desired: ThinnedMotion | None, usable: NDArray[np.bool_] | None
     ) -> tuple[list[Array], Array]:
-        n = self.layout.body.n
         length = self.plan.stride * self.plan.decimation
         weight = self._taper(len(tau)) * motion_weight(motion.dq, self.layout.rest_speed, length)
         if usable is not None:
             weight *= weight_without(~usable, length)
-        rigid = self._rigid(motion, weight)
-        terms = self._terms(motion, weight)
+        columns = self._columns(motion, weight)
         torque = self.fine(tau.T * weight)
-        parts = [[rigid[j], terms[j], torque[j : j + 1]] for j in range(n)]
+        parts = [[own, torque[joint : joint + 1]] for joint, own in enumerate(columns)]
         if desired is not None:
-            rigid, terms = self._rigid(desired, weight), self._terms(desired, weight)
-            for j in range(n):
-                parts[j] += [rigid[j], terms[j]]
+            for part, instruments in zip(parts, self._columns(desired, weight), strict=True):
+                part.append(instruments)
         return [np.concatenate(part) for part in parts], weight[:, ::length] ** 2
 
     def _taper(self, samples: int) -> Array:
@@ -188,23 +185,38 @@ class _RowMaker:
         taper[-length:] *= ramp[::-1]
         return taper
 
-    def _rigid(self, motion: Motion, weight: Array) -> list[Array]:
+    def _columns(self, motion: ThinnedMotion, weight: Array) -> list[Array]:
+        """Each joint's columns of rigid body and terms, decimated: those linear in the motion from where the
+        regressor is evaluated, the others from every sample (a sign's harmonics would fold, and an offset must be the
+        same to the last digit as the friction of a joint that only moves one way)."""
         layout, stride = self.layout, self.plan.stride
         kept, sign = np.array(layout.base.kept), layout.base.sign
-        q, dq, ddq = (np.ascontiguousarray(x[::stride].T).T for x in (motion.q, motion.dq, motion.ddq))
-        weight = weight[:, ::stride]
+        thin, dq_thin, ddq_thin = motion.thinned.q, motion.thinned.dq, motion.thinned.ddq
+        q, dq, ddq = (np.ascontiguousarray(x.T).T for x in (thin, dq_thin, ddq_thin))
+        thin_weight = np.ascontiguousarray(weight[:, ::stride])
         columns = [kept[list(active)] for active in layout.active]
         signs = [sign[list(active)][:, None] for active in layout.active]
-        rows = [np.empty((len(active), len(q))) for active in layout.active]
+        straight = [[term for term in terms if term.linear] for terms in layout.terms]
+        rows = [np.empty((len(a) + len(b), len(q))) for a, b in zip(layout.active, straight, strict=True)]
         for span, block in regressor_blocks(layout.body, q, dq, ddq):
-            for joint in range(layout.body.n):
-                np.multiply(block[joint, columns[joint]], signs[joint] * weight[joint, span], out=rows[joint][:, span])
-        return [self.coarse(x) for x in rows]
+            for joint, own in enumerate(columns):
+                factor = signs[joint] * thin_weight[joint, span]
+                np.multiply(block[joint, own], factor, out=rows[joint][: len(own), span])
+        for joint, terms in enumerate(straight):
+            for k, term in enumerate(terms, len(columns[joint])):
+                np.multiply(term.column(dq[:, joint], ddq[:, joint]), thin_weight[joint], out=rows[joint][k])
+        return [self._with_others(self.coarse(x), joint, motion.dq[:, joint], weight) for joint, x in enumerate(rows)]
 
-    def _terms(self, motion: Motion, weight: Array) -> list[Array]:
-        result: list[Array] = []
-        for joint, terms in enumerate(self.layout.terms):
-            dq, ddq = motion.dq[:, joint], motion.ddq[:, joint]
-            columns = np.array([term.column(dq, ddq) for term in terms]).reshape(len(terms), len(dq))
-            result.append(self.fine(columns * weight[joint]))
+    def _with_others(self, decimated: Array, joint: int, dq: Array, weight: Array) -> Array:
+        """The columns of terms that are not linear in the motion, put in their places among the others."""
+        terms = self.layout.terms[joint]
+        others = [k for k, term in enumerate(terms) if not term.linear]
+        if not others:
+            return decimated
+        fine = self.fine(np.array([terms[k].column(dq, dq) for k in others]) * weight[joint])
+        first = len(self.layout.active[joint])
+        order = [k for k, term in enumerate(terms) if term.linear] + others
+        result = np.empty((first + len(terms), decimated.shape[1]))
+        result[:first] = decimated[:first]
+        result[[first + k for k in order]] = np.concatenate([decimated[first:], fine])
         return result

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.filtering import FLAT_TO_BAND, FilterPlan, convolve, plan_filter
+from estimator.convolution import convolve
+from estimator.filtering import FLAT_TO_BAND, FilterPlan, plan_filter
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]

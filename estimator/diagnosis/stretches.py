@@ -8,17 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.convolution import convolve
 from estimator.diagnosis.grains import counts, rounding
 from estimator.effects import Equation, Signals
-from estimator.filtering import (
-    FilterPlan,
-    Motion,
-    convolve,
-    motion_band,
-    plan_filter,
-    resample,
-    smooth_motion,
-)
+from estimator.filtering import FilterPlan, Motion, motion_band, plan_filter, resample, smooth_motion
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory

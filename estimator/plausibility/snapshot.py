@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
-from estimator.filtering import convolve, plan_filter, resample, smooth_motion
+from estimator.convolution import convolve
+from estimator.filtering import plan_filter, resample, smooth_motion
 from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK

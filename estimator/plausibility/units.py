@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.filtering import convolve, plan_filter, resample
+from estimator.convolution import convolve
+from estimator.filtering import plan_filter, resample
 from estimator.plausibility.doubt import Doubt
 from estimator.plausibility.snapshot import Snapshot
 from estimator.regressor import inverse_dynamics

@@ -14,8 +14,9 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator.arm_model import ArmModel, FittedEffect
+from estimator.convolution import convolve
 from estimator.effects import Place, catalogue
-from estimator.filtering import convolve, plan_filter, smooth_motion
+from estimator.filtering import plan_filter, smooth_motion
 from estimator.rigid_body import PARAMETERS, RigidBody
 from estimator.trajectory import Trajectory
 from estimator.twin.replay import replay

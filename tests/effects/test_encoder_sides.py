@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from estimator.arm_model import ArmModel, FittedEffect
+from estimator.convolution import convolve
 from estimator.effects import Place, Signals, effect
 from estimator.effects.transmission import ON_LINK, ON_MOTOR
-from estimator.filtering import convolve, plan_filter, smooth_motion
+from estimator.filtering import plan_filter, smooth_motion
 from estimator.rigid_body import RigidBody, load_rigid_body
 from estimator.trajectory import Trajectory
 from estimator.twin.replay import replay

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from estimator import Trajectory
-from estimator.filtering import Decimator, convolve, motion_band, plan_filter, resample, root_raised_cosine
+from estimator.convolution import convolve
+from estimator.filtering import Decimator, motion_band, plan_filter, resample, root_raised_cosine
 
 
 @pytest.mark.parametrize("decimation", [2, 5, 24, 50])

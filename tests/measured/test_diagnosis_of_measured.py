@@ -14,7 +14,8 @@ from benchmarks.measured.diagnosed import (
     odrive_diagnosed,
     panda_diagnosed,
 )
-from estimator.filtering import convolve, plan_filter
+from estimator.convolution import convolve
+from estimator.filtering import plan_filter
 
 
 def needs(folder: str) -> None:
