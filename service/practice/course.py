@@ -42,6 +42,10 @@ class PracticeArguments(BaseModel):
     resume: str | None = None
     """Id of a session that ended early."""
 
+    def learnt_up_to(self, certified_hz: float) -> float:
+        """Hz, of the certificate's band and the hand-picked one the lower."""
+        return min(certified_hz, self.hand_picked_hz or certified_hz)
+
 
 @dataclass(frozen=True)
 class Course:

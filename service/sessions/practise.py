@@ -21,6 +21,7 @@ from learner.velocity_sensor import VelocityCalibration, calibrate
 from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
 from service.practice.record import Play, PlayKind, PracticeRecord, read_record, write_feedforward
+from service.practice.taught import Taught, effects_answer, what_was_taught
 from service.practice.trials import ActuationLag, actuation_lag, trial_of
 from service.reports.practice_plot import plot_practice
 from service.sessions.moving import MovingArm
@@ -85,14 +86,21 @@ class Practise:
             plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
         )
         answer = practice_answer(self._course, practice, names, stopped or "all trials were played", lag)
+        taught = await asyncio.to_thread(self._taught, practice)
         return {
             "session": session.id,
             **answer,
+            "taught": effects_answer(taught.effects, names),
             "resumed": self._asked.resume,
             "recordings": [play.recording for play in self._record.plays],
             "feedforward": str(learnt),
             "plot": str(plot),
         }
+
+    def _taught(self, practice: Practice) -> Taught:
+        found = self._course
+        band = self._asked.learnt_up_to(found.certificate.band_hz)
+        return what_was_taught(found.model, found.practised, practice.torque, band)
 
     def _take_up(self, arguments: PracticeArguments) -> None:
         """Continue an earlier session: its arguments, but for what was asked anew, and its recordings."""

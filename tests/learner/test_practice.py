@@ -101,8 +101,7 @@ def carried_over(arm: Any, model: Any, practice: Practice, motion: Any) -> None:
     r = practice.task.reference
     part = Reference(r.q[r.moving], r.dq[r.moving], r.ddq[r.moving], PERIOD, slice(0, r.samples))
     named = NamedEffects(model, part, (practice.torque - practice.task.base)[r.moving])
-    rest = (practice.torque - task_of(arm, named, r).base)[r.moving]
-    local = LocalModel(States(part.q, part.dq, part.ddq), rest)
+    local = LocalModel(States(r.q, r.dq, r.ddq), practice.torque - task_of(arm, named, r).base)
     moved = np.rad2deg(0.1)
     near = [
         motion((moved, 90.0 - moved), (90.0 + moved, 17.0 - moved), DURATION, PERIOD, 40),
