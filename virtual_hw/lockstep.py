@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from virtual_hw.bus.local import MARK_KIND, SERIAL, TICK, Connection, LocalPort, is_mark, mark
 from virtual_hw.rig import Rig
+from virtual_hw.usual_cycle import UsualCycle
 
 START_NS = 1_700_000_000_000_000_000
 LONGEST_TICK_NS = 60_000_000_000
@@ -31,6 +32,7 @@ class Lockstep:
         self._next_tick = select.poll()
         self._ticked = False
         """Whether the last thing the ticking host did was to tick."""
+        self._usual = UsualCycle(rig, ports)
 
     def follow(self) -> bool:
         """Take tick after tick while they come; whether more may follow at once.
@@ -43,7 +45,14 @@ class Lockstep:
                 return False
             self._ticked = False
             if self._next_tick.poll(STANDSTILL_MS):
-                self.handle(self._ticker)
+                end_ns = self._usual.run()
+                if end_ns is None:
+                    self._usual.forget()
+                    self.handle(self._ticker)
+                else:
+                    self._tell(end_ns)
+                    self._ticked = True
+                    self._answer()
         return True
 
     def hello_ns(self) -> int:
@@ -63,8 +72,7 @@ class Lockstep:
                 self._run(connection)
         else:
             self._configure(connection)
-        self._flush()
-        self._rig.power_stage.run_ahead()
+        self._answer()
 
     def _configure(self, connection: Connection) -> None:
         """Traffic without a tick: SDO and NMT are answered in no time, all else waits for time to move."""
@@ -112,14 +120,23 @@ class Lockstep:
             rig.advance(due_ns)
             if due_ns == t_ns:
                 break
+        self._tell(t_ns)
+
+    def _tell(self, t_ns: int) -> None:
+        """Mark on every bus that time has come to ``t_ns``."""
         told = mark(MARK_KIND, t_ns)
         for port in self._ports[1:]:
             for connection in port.connections:
                 connection.tell(told)
-        for number, total in enumerate(rig.power_stage.senses.serial_bytes):
+        for number, total in enumerate(self._rig.power_stage.senses.serial_bytes):
             told = mark(SERIAL, number | (total & 0xFFFF_FFFF) << 32) + told
         for connection in self._ports[0].connections:
             connection.tell(told)
+
+    def _answer(self) -> None:
+        """Send what is to be told; then the arm moves on while the hosts work."""
+        self._flush()
+        self._rig.power_stage.run_ahead()
 
     def _flush(self) -> None:
         # The first bus last: the host waits there first, and finds the others' packets when it wakes.

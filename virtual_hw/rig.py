@@ -39,7 +39,9 @@ class Rig:
         """Faults of encoders: change counts and counts/s of all drives."""
         self.demand_tampers: list[Callable[[list[float], list[bool]], None]] = []
         """Faults of motors and brakes: change torque demands and brakes of all drives."""
-        self._next_tick_ns = start_ns
+        self.next_tick_ns = start_ns
+        """When the next servo tick is due."""
+        """Time of the servo tick that is due."""
         senses = self.power_stage.senses
         for i, node in enumerate(self.nodes):
             node.axis.sense(senses.counts[i], senses.speed[i])
@@ -48,11 +50,11 @@ class Rig:
 
     def advance(self, t_ns: int) -> None:
         """Move time on to ``t_ns``: all bus traffic ended by then, all servo ticks up to and including it."""
-        while self._next_tick_ns <= t_ns:
-            tick = self._next_tick_ns
+        while self.next_tick_ns <= t_ns:
+            tick = self.next_tick_ns
             self._run_buses(tick)
             self._servo_tick(tick)
-            self._next_tick_ns = tick + self.tick_ns
+            self.next_tick_ns = tick + self.tick_ns
         if self.now_ns != t_ns:
             self._run_buses(t_ns)
 
@@ -66,7 +68,7 @@ class Rig:
 
         Hosts are told frames then, as a CAN adapter tells them in packets; a bus that stays busy is told in pieces.
         """
-        due = self._next_tick_ns
+        due = self.next_tick_ns
         for bus in self.buses:
             quiet = bus.quiet_ns()
             if quiet is not None:

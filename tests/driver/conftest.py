@@ -18,6 +18,7 @@ from config.schema import WrenchSensor
 from driver.cia402.pdo import SYNC, PdoCodec
 from driver.cyclic.cycle import Cycle, LoopState, RawFrame
 from driver.wrench.crc import crc16_modbus, crc16_x25
+from virtual_hw.faults import FaultScript
 from virtual_hw.standin import run_standin
 
 START_NS = 1_700_000_000_000_000_000
@@ -131,12 +132,19 @@ def _sensor_bytes(rng: np.random.Generator) -> Iterator[bytes]:
 
 
 @contextlib.contextmanager
-def _stand_in(installation: Installation, run_dir: Path, *, lockstep: bool = True, seed: int = 1) -> Iterator[int]:
+def _stand_in(
+    installation: Installation,
+    run_dir: Path,
+    *,
+    lockstep: bool = True,
+    seed: int = 1,
+    faults: FaultScript | None = None,
+) -> Iterator[int]:
     """The arm's stand-in in a process of its own; gives its process id."""
     context = multiprocessing.get_context("spawn")
     ready = context.Event()
     process = context.Process(
-        target=run_standin, args=(installation, None, lockstep, seed, ready.set, run_dir), daemon=True
+        target=run_standin, args=(installation, None, lockstep, seed, ready.set, run_dir, faults), daemon=True
     )
     process.start()
     try:

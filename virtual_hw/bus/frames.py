@@ -23,8 +23,6 @@ CAN_FRAME = struct.Struct("<IB3x8s")
 MARK = struct.Struct("<IB3xQ")
 
 INTERFRAME_BITS = 3
-LONGEST_FRAME_BITS = 135
-"""Of a standard frame: 111 with 8 data bytes, and 24 stuff bits at most."""
 _TRAILER_BITS = 10
 """CRC delimiter, acknowledge slot and its delimiter, end of frame: never stuffed."""
 _CRC_POLYNOMIAL = 0x4599
@@ -139,6 +137,12 @@ def _header(five: bytes) -> tuple[int, int, int, int]:
     total = len(bits) + 8 * data_bytes + 15 + _TRAILER_BITS
     header = _HEADERS[five] = data_bytes, total, crc, stuffed << 3 | last << 2 | run - 1
     return header
+
+
+def longest_bits(data_bytes: int) -> int:
+    """Bits of a standard data frame with the most stuffing, one after each four of the first 34 + 8·n; interframe
+    space not included."""
+    return 44 + 8 * data_bytes + (33 + 8 * data_bytes) // 4
 
 
 def frame_bits(raw: bytes) -> int:

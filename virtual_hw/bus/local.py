@@ -7,6 +7,7 @@ import errno
 import socket
 import stat
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 
 from config import InputError
@@ -23,6 +24,7 @@ _PACKET_LIMIT = 64 * 1024
 _CONTROLLER_PROBLEM = 0x04
 _TRANSMIT_OVERFLOW = bytes((0, 0x02, 0, 0, 0, 0, 0, 0))
 _RECEIVE_OVERFLOW = bytes((0, 0x01, 0, 0, 0, 0, 0, 0))
+_NO_WAIT = int(socket.MSG_DONTWAIT)
 _MARK_ID_BYTES = MARK_ID.to_bytes(4, "little")
 
 
@@ -49,17 +51,26 @@ class Connection:
 
     def receive(self) -> bool:
         """Read one packet into `inbox`; False when there is none. A host that has gone is no longer `alive`."""
+        packet = self.read()
+        self.take(packet)
+        return bool(packet)
+
+    def read(self) -> bytes:
+        """One packet of whole frames as it came; empty when there is none."""
         try:
-            packet = self.sock.recv(_PACKET_LIMIT, socket.MSG_DONTWAIT)
+            packet = self.sock.recv(_PACKET_LIMIT, _NO_WAIT)
         except BlockingIOError:
-            return False
+            return b""
         except OSError:
             packet = b""
         if not packet or len(packet) % FRAME_SIZE:
             self.alive = False
-            return False
+            return b""
+        return packet
+
+    def take(self, packet: bytes) -> None:
+        """Put the frames of a packet into `inbox`."""
         self.inbox.extend([packet[k : k + FRAME_SIZE] for k in range(0, len(packet), FRAME_SIZE)])
-        return True
 
     def transmit(self, raw: bytes) -> None:
         """Queue a frame of the host on the bus; a full queue is told to it as the error frame SocketCAN has.
@@ -77,6 +88,10 @@ class Connection:
         """Add marks behind everything heard so far; `flush` sends."""
         self._outbox.append(mark_bytes)
 
+    def hear_block(self, frames: Sequence[bytes]) -> None:
+        """Hear frames one after the other."""
+        self._outbox += frames
+
     def flush(self) -> None:
         """Send what was heard since the last flush as one packet.
 
@@ -89,7 +104,7 @@ class Connection:
         if self._overrun:
             packet = error_frame(_CONTROLLER_PROBLEM, _RECEIVE_OVERFLOW) + packet
         try:
-            self.sock.send(packet, socket.MSG_DONTWAIT)
+            self.sock.send(packet, _NO_WAIT)
         except BlockingIOError:
             self._overrun = True
         except OSError:

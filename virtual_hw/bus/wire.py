@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from heapq import heapify, heappop, heappush
 
-from virtual_hw.bus.frames import INTERFRAME_BITS, LONGEST_FRAME_BITS, arbitration_key, frame_bits
+from virtual_hw.bus.frames import INTERFRAME_BITS, arbitration_key, frame_bits, longest_bits
 
 MOST_IDENTIFIERS = 4096
 FrameHandler = Callable[[int, bytes], None]
@@ -61,22 +61,28 @@ class Bus:
         self._waiting: list[tuple[int, int, bytes, Controller, _Identifier]] = []
         self._sequence = 0
         self._on_wire: tuple[int, bytes, Controller, _Identifier] | None = None
-        self._longest_ns = int((LONGEST_FRAME_BITS + INTERFRAME_BITS) * self._bit_ns)
         self._interframe_ns = int(INTERFRAME_BITS * self._bit_ns)
+        self._longest_ns = self.longest_ns(8)
         self._ears: list[tuple[Controller, FrameHandler]] = []
         self._identifiers: dict[bytes, _Identifier] = {}
         """By the four bytes of the identifier in a `struct can_frame`."""
         self._at_once = False
+        self._block: tuple[int, Sequence[bytes]] | None = None
+        """A block on the wire whose exact end nobody has needed yet: its start, and its frames."""
+        self.changes = 0
+        """Counts what was attached, detached, listened for or ignored."""
         self.tampers: list[Tamper] = []
         """Faults that lay hands on frames."""
 
     def attach(self, controller: Controller) -> None:
         """Connect a controller; one with an ear hears every frame of the others from now on."""
+        self.changes += 1
         if controller.hear is not None:
             self._ears.append((controller, controller.hear))
 
     def detach(self, controller: Controller) -> None:
         """Disconnect a controller: what it has queued is not sent, what is on the wire ends as it is."""
+        self.changes += 1
         self._ears = [entry for entry in self._ears if entry[0] is not controller]
         self._waiting[:] = [entry for entry in self._waiting if entry[3] is not controller]
         heapify(self._waiting)
@@ -84,14 +90,25 @@ class Bus:
 
     def listen(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Have ``handler`` called for every frame of others with this identifier (its acceptance filter)."""
+        self.changes += 1
         identifier = self._identifier(can_id.to_bytes(4, "little"))
         # A new list: a handler may be added or removed while the old one is being gone through.
         identifier.handlers = [*identifier.handlers, (controller, handler)]
 
     def ignore(self, can_id: int, controller: Controller, handler: FrameHandler) -> None:
         """Undo a `listen`."""
+        self.changes += 1
         identifier = self._identifier(can_id.to_bytes(4, "little"))
         identifier.handlers = [entry for entry in identifier.handlers if entry != (controller, handler)]
+
+    def listeners(self, four: bytes) -> list[tuple[Controller, FrameHandler]]:
+        """Who listens for the identifier with these bytes, in the order in which they hear it."""
+        return self._identifier(four).handlers
+
+    @property
+    def ears(self) -> list[Controller]:
+        """Who hears every frame."""
+        return [controller for controller, _ in self._ears]
 
     def _identifier(self, four: bytes) -> _Identifier:
         known = self._identifiers.get(four)
@@ -131,6 +148,40 @@ class Bus:
         """Deliver a frame that ``controller`` brings from elsewhere, where its transmission has just ended."""
         self._deliver(raw, controller, self._identifier(raw[:4]))
 
+    def is_free_for(self, last_key: int) -> bool:
+        """Whether frames sent now go out at once, back to back, when none is behind ``last_key`` in arbitration."""
+        waiting = self._waiting
+        return self._on_wire is None and not self.tampers and (not waiting or waiting[0][0] > last_key)
+
+    def carry_block(self, frames: Sequence[bytes]) -> None:
+        """Carry these frames from now on, back to back, in this order; who hears them is the caller's affair.
+
+        For a bus that `is_free_for` them. When the block ends is worked out when another frame has to wait for it.
+        """
+        start_ns = self.clock_ns if self._block is not None else max(self._free_ns, self.clock_ns)
+        self._block = start_ns, frames
+
+    def block_ends_ns(self) -> list[int]:
+        """When each frame of the last block has been carried."""
+        if self._block is None:
+            return []
+        start_ns, frames = self._block
+        ends = []
+        for raw in frames:
+            ends.append(start_ns + int(frame_bits(raw) * self._bit_ns))
+            start_ns = ends[-1] + self._interframe_ns
+        return ends
+
+    def _end_block(self) -> None:
+        ends = self.block_ends_ns()
+        if ends:
+            self._free_ns = ends[-1] + self._interframe_ns
+        self._block = None
+
+    def longest_ns(self, data_bytes: int) -> int:
+        """Time that a standard frame with so much data takes at most, interframe space included."""
+        return int(longest_bits(data_bytes) * self._bit_ns) + self._interframe_ns
+
     def quiet_ns(self) -> int | None:
         """When all that waits will have been carried, at the latest; None when nothing is to be sent."""
         waiting = len(self._waiting)
@@ -144,6 +195,7 @@ class Bus:
         if not waiting and self._on_wire is None:
             self.clock_ns = t_ns
             return
+        self._end_block()
         while True:
             if self._on_wire is None:
                 free, clock = self._free_ns, self.clock_ns

@@ -80,8 +80,8 @@ class DriveNode:
         self.store.effects[0x1010, 1] = lambda _: self._save()
         self._late = self._odd_sync = False
         self._heard: list[tuple[int, FrameHandler]] = []
-        self._sync_rpdos: list[ReceivePdo] = []
-        self._sync_tpdos: list[TransmitPdo] = []
+        self.sync_rpdos: list[ReceivePdo] = []
+        self.sync_tpdos: list[TransmitPdo] = []
         self._event_tpdos: list[TransmitPdo] = []
         self._timed_rpdos: list[ReceivePdo] = []
         bus.attach(self.controller)
@@ -180,10 +180,10 @@ class DriveNode:
         for rpdo in rpdos:
             self._listen(rpdo.can_id, self._receiver(rpdo))
         if operational:
-            self._listen(values[slot(0x1005)] & 0x7FF, self._on_sync)
-        self._sync_rpdos = [pdo for pdo in rpdos if pdo.synchronous]
+            self._listen(values[slot(0x1005)] & 0x7FF, self.on_sync)
+        self.sync_rpdos = [pdo for pdo in rpdos if pdo.synchronous]
         self._timed_rpdos = [pdo for pdo in rpdos if pdo.timeout_ns]
-        self._sync_tpdos = [pdo for pdo in tpdos if pdo.synchronous]
+        self.sync_tpdos = [pdo for pdo in tpdos if pdo.synchronous]
         self._event_tpdos = [pdo for pdo in tpdos if pdo.event_driven]
         self.axis.motion.velocity_offset_mapped = any(0x60B1 in pdo.indices for pdo in rpdos)
 
@@ -202,7 +202,8 @@ class DriveNode:
 
         return act
 
-    def _on_sync(self, _now_ns: int, raw: bytes) -> None:
+    def on_sync(self, _now_ns: int, raw: bytes) -> None:
+        """A SYNC has ended."""
         if raw[4]:
             self._emergencies.raise_error(ErrorCode.SYNC_LENGTH)
             self._odd_sync = True
@@ -210,12 +211,26 @@ class DriveNode:
         if self._odd_sync:
             self._odd_sync = False
             self._emergencies.clear(ErrorCode.SYNC_LENGTH)
-        for tpdo in self._sync_tpdos:
+        for tpdo in self.sync_tpdos:
             tpdo.on_sync()
-        for rpdo in self._sync_rpdos:
+        self.act()
+
+    def act(self) -> None:
+        """At the SYNC: take up what synchronous RPDOs have brought."""
+        for rpdo in self.sync_rpdos:
             if rpdo.pending is not None:
                 rpdo.apply()
                 self._commanded(rpdo)
+
+    @property
+    def regular(self) -> bool:
+        """Whether a SYNC does nothing but send all TPDOs and take up all RPDOs, and frames as mapped raise no error."""
+        return (
+            self.nmt is NmtState.OPERATIONAL
+            and not (self._late or self._odd_sync or self._event_tpdos)
+            and all(tpdo.every_sync for tpdo in self.sync_tpdos)
+            and all(rpdo.in_order for rpdo in self.sync_rpdos)
+        )
 
     def _commanded(self, rpdo: ReceivePdo) -> None:
         self.axis.motion.new_setpoint()

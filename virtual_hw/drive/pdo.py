@@ -123,6 +123,11 @@ class ReceivePdo(Pdo):
         self.deadline_ns = _NEVER
         self.pending = None
 
+    @property
+    def in_order(self) -> bool:
+        """Whether its last frame was as long as its mapping."""
+        return not self._wrong_length
+
     def accept(self, now_ns: int, raw: bytes) -> bool:
         """Take a frame in; False when it is too short to be used."""
         if raw[4] != self.size:
@@ -161,7 +166,7 @@ class TransmitPdo(Pdo):
     def configure(self) -> None:
         """Compile the parameters and mapping that stand in the store."""
         code, entries = mapping_layout(self.store, self.mappings, receive=False)
-        size = struct.calcsize("<" + code)
+        self.size = size = struct.calcsize("<" + code)
         self._layout = struct.Struct(f"<IB3x{code}{8 - size}x")
         self._head = (self.can_id, size)
         slots = [entry.slot for entry in entries]
@@ -182,9 +187,15 @@ class TransmitPdo(Pdo):
         self._told: bytes | None = None
         self._told_ns = -_NEVER
 
+    @property
+    def every_sync(self) -> bool:
+        """Whether it is sent at each SYNC, whatever happens."""
+        return self._every == 1
+
     def on_sync(self) -> None:
+        """Send, where this SYNC asks for it."""
         if self._every == 0:
-            raw = self._frame()
+            raw = self.frame()
             if raw != self._told:
                 self._told = raw
                 self._send(raw)
@@ -192,19 +203,20 @@ class TransmitPdo(Pdo):
         self._syncs += 1
         if self._syncs >= self._every:
             self._syncs = 0
-            self._send(self._frame())
+            self._send(self.frame())
 
     def poll(self, now_ns: int) -> None:
         """Event-driven transmission, on the firmware's tick."""
         since = now_ns - self._told_ns
         if since < self._inhibit_ns:
             return
-        raw = self._frame()
+        raw = self.frame()
         if raw != self._told or (self._period_ns and since >= self._period_ns):
             self._told, self._told_ns = raw, now_ns
             self._send(raw)
 
-    def _frame(self) -> bytes:
+    def frame(self) -> bytes:
+        """The frame as it would be sent now."""
         values = self.store.values
         for slot, source in self._measured:
             values[slot] = source()
