@@ -146,34 +146,16 @@ class UsualCycle:
         tail = packets[0][-_TAIL_FRAMES * FRAME_SIZE :]
         if len(tail) < _TAIL.size:
             return None
+        start_ns: int
+        end_ns: int
         start_ns, _, end_ns = _TAIL.unpack(tail)
         lead_ns = start_ns - rig.now_ns
         if end_ns - rig.now_ns > _LONGEST_NS:
             return None
-        plans = []
-        for usual, packet in zip(buses, packets, strict=True):
-            commands = usual.commands(packet) if packet.endswith(tail) else None
-            if (
-                commands is None
-                or commands.longest_ns > lead_ns
-                or usual.longest_ns > end_ns - start_ns
-                or usual.connection.inbox
-                or not usual.bus.is_free_for(1 << 64)
-            ):
-                return None
-            plans.append(commands)
-        timed: list[tuple[int, FrameHandler, bytes]] = []
-        for usual, commands, packet in zip(buses, plans, packets, strict=True):
-            frames = [packet[place] for place in commands.places]
-            usual.bus.carry_block(frames)
-            for k, receive in commands.receivers:
-                receive(start_ns, frames[k])
-            if commands.timed:
-                ends_ns = usual.bus.block_ends_ns()
-                timed += [(ends_ns[k], receive, frames[k]) for k, receive in commands.timed]
-        for at_ns, receive, raw in sorted(timed, key=itemgetter(0)):
-            rig.advance(at_ns)
-            receive(at_ns, raw)
+        plans = self._plans(packets, tail, lead_ns, end_ns - start_ns)
+        if plans is None:
+            return None
+        self._command(plans, start_ns)
         rig.advance(start_ns)
         begun = mark(MARK_KIND, start_ns)
         for usual in buses:
@@ -189,6 +171,45 @@ class UsualCycle:
                 self.forget()
         rig.advance(end_ns)
         return end_ns
+
+    def _plans(
+        self, packets: Sequence[bytes], tail: bytes, lead_ns: int, window_ns: int
+    ) -> list[tuple[_UsualBus, _Commands, bytes]] | None:
+        """What each bus's packet commands; None when one is unusual or could be late."""
+        plans = []
+        for usual, packet in zip(self._buses, packets, strict=True):
+            commands = usual.commands(packet) if packet.endswith(tail) else None
+            if (
+                commands is None
+                or commands.longest_ns > lead_ns
+                or usual.longest_ns > window_ns
+                or usual.connection.inbox
+                or not usual.bus.is_free_for(1 << 64)
+            ):
+                return None
+            plans.append((usual, commands, packet))
+        return plans
+
+    def _command(self, plans: Sequence[tuple[_UsualBus, _Commands, bytes]], start_ns: int) -> None:
+        """Have the drives receive the commands."""
+        rig = self._rig
+        tick_between = rig.next_tick_ns < start_ns
+        timed: list[tuple[int, FrameHandler, bytes]] = []
+        for usual, commands, packet in plans:
+            frames = [packet[place] for place in commands.places]
+            usual.bus.carry_block(frames)
+            for k, receive in commands.receivers:
+                receive(start_ns, frames[k])
+            if commands.timed:
+                # Deadlines are looked at on servo ticks: with none among the frames, all of their time is one.
+                ends_ns = usual.bus.block_ends_ns() if tick_between else [start_ns - 1] * len(frames)
+                timed += [(ends_ns[k], receive, frames[k]) for k, receive in commands.timed]
+        if tick_between:
+            timed.sort(key=itemgetter(0))
+        for at_ns, receive, raw in timed:
+            if rig.next_tick_ns <= at_ns:
+                rig.advance(at_ns)
+            receive(at_ns, raw)
 
 
 def _heads(packet: bytes) -> tuple[bytes, ...]:
