@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from config.errors import WrongKey
-from config.section import Mode, Name, Quantity, Section
+from config.section import FilePath, Mode, Name, Quantity, Section
 
 
 class PdoObject(Section):
@@ -72,7 +71,7 @@ class Drive(Section):
     """One type of drive: its EDS, identity, PDO layouts and start-up writes."""
 
     name: Name
-    eds: Path
+    eds: FilePath
     identity: DriveIdentity
     objects: tuple[PdoObject, ...]
     layouts: dict[Mode, PdoLayout]

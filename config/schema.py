@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from config.drive import Drive, DriveIdentity, PdoLayout, PdoObject, SdoWrite
 from config.errors import WrongKey
-from config.section import Mode, Name, Positive, Quantity, Section
+from config.section import FilePath, Mode, Name, Positive, Quantity, Section
 
 __all__ = [
     "Arm",
@@ -44,7 +44,7 @@ class Arm(Section):
 
     name: Name
     description: str = ""
-    urdf: Path
+    urdf: FilePath
     tool_frame: Name
     """URDF link that carries the load, and the wrench sensor where there is one."""
     home_rad: tuple[float, ...]

@@ -50,7 +50,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def validate(model: type[T], data: dict[str, Any], path: Path) -> T:
     """``data`` of the file ``path`` as ``model``. Raises InputError for the first mistake and counts the others."""
     try:
-        return model.model_validate(data)
+        return model.model_validate(with_tuples(data), strict=True)
     except ValidationError as error:
         # A misspelt key is also a missing one: say the misspelling.
         mistakes = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
@@ -59,6 +59,13 @@ def validate(model: type[T], data: dict[str, Any], path: Path) -> T:
             places = ", ".join(dict.fromkeys(key_path(e["loc"], data) for e in mistakes[1:]))
             problem += f" ({more} more mistake{'s' if more > 1 else ''}, at {places})"
         raise InputError(f"{shown(path)}: {key}" if key else shown(path), problem, remedy) from None
+
+
+def with_tuples(value: Any) -> Any:
+    """TOML's lists as the tuples that sections are made of: strict, so that "5" is no number, no list is a tuple."""
+    if isinstance(value, dict):
+        return {key: with_tuples(inner) for key, inner in value.items()}
+    return tuple(map(with_tuples, value)) if isinstance(value, list) else value
 
 
 def key_path(location: Sequence[int | str], data: Any) -> str:
@@ -120,6 +127,12 @@ def _explained(mistake: ErrorDetails, model: type[BaseModel], data: dict[str, An
     for bound, wanted in (("ge", "at least"), ("gt", "more than"), ("le", "at most"), ("lt", "less than")):
         if bound in context:
             return place, f"{mistake['input']} is out of range", f"give {wanted} {context[bound]:g}"
+    if kind in ("float_type", "int_type") and isinstance(mistake["input"], str):
+        return (
+            place,
+            f"is the text {_brief(mistake['input'])} where a number is wanted",
+            "write a number, without quotes",
+        )
     reason = _lower(mistake["msg"]).partition(", unable to parse")[0].replace("input should be", "must be")
     return place, f"{reason}, not {_brief(mistake['input'])}", "correct the value"
 

@@ -17,6 +17,7 @@ from config.errors import InputError, WrongKey
 from config.motion.curves import Array, Curve, Fourier, RestToRest, Spline
 from config.motion.recorded import read_path
 from config.schema import Installation, Name, Positive, Section
+from config.section import FilePath
 from config.toml_file import nearest, read_toml, shown, validate
 
 NAME = re.compile(r"[\w.+@-]{1,200}")
@@ -189,7 +190,7 @@ class RecordedFile(MotionFile):
     """A path from a CSV file, beside the motion file, with the columns ``t`` [s] and ``q_<joint>`` [rad]."""
 
     kind: Literal["recorded"]
-    file: Path
+    file: FilePath
     cutoff_hz: Positive | None = None
     """Zero-phase low-pass for measured angles; a commanded path needs none."""
 

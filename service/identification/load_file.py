@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from config import InputError
 from config.text_file import read_text
+from config.toml_file import with_tuples
 from estimator.loads.parameters import RigidLoad, rigid_load
 from service.identification.recorded import Source
 from service.models.model_file import LearntFrom
@@ -54,7 +55,7 @@ def read_loads(path: Path) -> list[RigidLoad]:
     """The loads of a file. Raises InputError naming file and key when it is none."""
     remedy = 'write format = 1, kind = "loads", and for each [[load]] name, mass, centre, inertia'
     try:
-        file = LoadFile.model_validate(tomllib.loads(read_text(path)))
+        file = LoadFile.model_validate(with_tuples(tomllib.loads(read_text(path))), strict=True)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"cannot be read ({error})", "give a file of loads") from None
     except tomllib.TOMLDecodeError as error:

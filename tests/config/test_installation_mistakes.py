@@ -51,7 +51,23 @@ MISTAKES = [
     (
         "rate_hz = 1000",
         'rate_hz = "fast"',
-        "installation.toml: cycle.rate_hz: must be a valid number, not 'fast'; correct the value",
+        "installation.toml: cycle.rate_hz: is the text 'fast' where a number is wanted; write a number, without quotes",
+    ),
+    (
+        "rate_hz = 1000",
+        'rate_hz = "1000"',
+        "installation.toml: cycle.rate_hz: is the text '1000' where a number is wanted; write a number, without quotes",
+    ),
+    (
+        "position_rad = [0.2, 6.1]",
+        'position_rad = [0.2, "6.1"]',
+        "installation.toml: joint[0].limits.position_rad[1] (joint1): is the text '6.1' where a number is wanted; "
+        "write a number, without quotes",
+    ),
+    (
+        "heartbeat_ms = 20",
+        "heartbeat_ms = true",
+        "installation.toml: cycle.heartbeat_ms: must be a valid integer, not True; correct the value",
     ),
     (
         "rate_hz = 1000",
