@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 
 
-def _path(value: object) -> object:
-    return Path(value) if isinstance(value, str) else value
+def _path(value: object, info: ValidationInfo) -> object:
+    # JSON has no paths of its own, so that pydantic takes texts there however strictly.
+    return Path(value) if isinstance(value, str) and info.mode == "python" else value
 
 
 FilePath = Annotated[Path, BeforeValidator(_path)]
