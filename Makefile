@@ -36,8 +36,9 @@ bench: install  ## every performance figure, beside its reference
 campaign: install  ## the hidden-effect campaign: how often the diagnosis is right, wrong, silent
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.campaign
 
-faults: install  ## inject every fault, print what was seen of it
+faults: install  ## inject every fault, print what was seen of it; SOCKETCAN=1: on SocketCAN too
 	$(BIN)/python -m tests.faults
+	$(if $(SOCKETCAN),tests/vcan/guest --timeout 3600 --interfaces "vcan0 vcan1 vcan2" -- $(BIN)/python -m tests.faults --socketcan)
 	ETUDE_FAULTS=full $(BIN)/pytest -q tests/faults/test_spoilt_streams.py tests/faults/test_random_commands.py \
 		tests/faults/test_long_run.py tests/driver/test_killed_while_writing.py tests/service/test_strangers.py
 

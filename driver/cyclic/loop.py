@@ -169,7 +169,7 @@ class CyclicLoop:
         command = self._send(exchange, command, good)
         batches = exchange.take_batches()
         self._publish(begun, command, wrench, batches, serial)
-        self._statistics.add(begun, batches, good=good, complete=punctual and feedback.complete)
+        self._statistics.add(begun, batches, serial, now_ns, good=good, complete=punctual and feedback.complete)
         if machine.state is LoopState.STOPPING and self._state_before is not LoopState.STOPPING:
             self._statistics.frames.freeze()
         self._state_before = machine.state

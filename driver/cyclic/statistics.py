@@ -9,7 +9,7 @@ from config import Installation
 from driver.cyclic.exchange import Begun, Exchange
 from driver.cyclic.last_frames import LastFrames
 from driver.cyclic.lateness import Lateness
-from driver.cyclic.slot import Batch
+from driver.cyclic.slot import Batch, Serial
 from driver.cyclic.status import BusStatus
 
 
@@ -18,15 +18,27 @@ class LoopStatistics:
 
     def __init__(self, installation: Installation) -> None:
         self._buses = installation.bus
-        self.frames = LastFrames([bus.name for bus in installation.bus])
+        self.frames = LastFrames(
+            [bus.name for bus in installation.bus], [sensor.name for sensor in installation.wrench_sensor]
+        )
         self.lateness = Lateness()
         self.cycles = self.missed = self.good = 0
         self._cpu = time.process_time_ns(), 0
         self._traffic = 0, [0] * len(installation.bus)
 
-    def add(self, begun: Begun, batches: Sequence[Batch], *, good: bool, complete: bool) -> None:
-        """Count one cycle. ``good`` feeds the watchdog; ``complete``: on time and with all feedback."""
-        self.frames.add(batches)
+    def add(
+        self,
+        begun: Begun,
+        batches: Sequence[Batch],
+        serial: Sequence[Serial],
+        now_ns: int,
+        *,
+        good: bool,
+        complete: bool,
+    ) -> None:
+        """Count one cycle, whose feedback was there at ``now_ns``. ``good`` feeds the watchdog; ``complete``: on time
+        and with all feedback."""
+        self.frames.add(batches, serial, now_ns)
         self.lateness.add(begun.late_ns)
         self.cycles += 1 + begun.skipped
         self.missed += begun.skipped + (not complete)

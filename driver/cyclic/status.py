@@ -85,4 +85,5 @@ class LoopStatus:
     buses: tuple[BusStatus, ...]
     sensors: tuple[SensorStatus, ...]
     last_frames: tuple[str, ...]
-    """The last CAN frames before the latched fault, one line each: time, bus, direction, id, bytes."""
+    """What passed on every bus and serial line before the latched fault, a line each: time, bus, direction, id, bytes;
+    time, sensor, bytes."""

@@ -78,8 +78,7 @@ class WrenchLines:
             stale = line.parser.stale(now_ns)
             if stale is not line.was_stale:
                 line.was_stale = stale
-                name = line.port.sensor.name
-                self.events.append(f"wrench sensor {name}: " + ("no valid sample for too long" if stale else "valid"))
+                self.events.append(f"wrench sensor {line.port.sensor.name}: {_condition(line.parser, stale=stale)}")
         return serial, newest
 
     def take_events(self) -> list[str]:
@@ -117,3 +116,10 @@ class WrenchLines:
             line.lost = True
             self.events.append(str(lost))
             return b""
+
+
+def _condition(parser: WrenchParser, *, stale: bool) -> str:
+    if not stale:
+        return "valid"
+    why = "; its reading stands still: it is frozen, or its frames are sent again" if parser.stands_still else ""
+    return f"no valid sample for too long{why}"

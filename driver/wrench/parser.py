@@ -29,8 +29,14 @@ class SampleStatus(IntFlag):
     """The sensor's clock does not go on from the frame before: a restart, or a frame that only looks like one."""
     UNKNOWN_STATUS = 1 << 19
     """The sensor set a status bit that its manual does not name."""
+    STANDS_STILL = 1 << 20
+    """The same six numbers to the last bit as in the frames before: repeated or frozen; gauges are never so quiet."""
 
 
+MOST_EQUAL = 4
+"""So many frames in a row may carry the same six numbers. Where the noise of a channel is one of its last digits
+(gauges are not quieter) a frame repeats the one before by chance once in 2500, and a fifth in a row is to be expected
+once in 300 years of an FT 300's 100 Hz."""
 GOOD_DESPITE = SampleStatus.SKIPPED
 """Status bits with which a sample still counts."""
 _SPOILS = ~int(GOOD_DESPITE)
@@ -58,6 +64,9 @@ class WrenchParser(ABC):
         self.last_good_ns: int | None = None
         """Host time at which the newest good sample arrived."""
         self._pending = b""
+        self._newest: Wrench | None = None
+        self._equal = 0
+        """Frames in a row that carried the newest wrench."""
         self._line_ns = round(self.frame_bytes * 10 / sensor.baud * 1e9)
         self._stale_ns = round(sensor.stale_ms * 1e6)
 
@@ -100,6 +109,11 @@ class WrenchParser(ABC):
         age = self.age_ns(now_ns)
         return age is None or age > self._stale_ns
 
+    @property
+    def stands_still(self) -> bool:
+        """The newest frames repeat one reading: the sensor is frozen, or something sends its frame again and again."""
+        return self._equal > MOST_EQUAL
+
     @abstractmethod
     def intact(self, frame: bytes) -> bool:
         """Is the frame's checksum right?"""
@@ -115,6 +129,10 @@ class WrenchParser(ABC):
             status |= SampleStatus.NOT_FINITE
         elif max(map(abs, wrench[:3])) > force or max(map(abs, wrench[3:])) > torque:
             status |= SampleStatus.BEYOND_CONFIGURED_RANGE
+        self._equal = self._equal + 1 if wrench == self._newest else 1
+        self._newest = wrench
+        if self.stands_still:
+            status |= SampleStatus.STANDS_STILL
         fresh = not status & _SPOILS
         if fresh:
             self.samples += 1

@@ -43,6 +43,8 @@ class WrenchPort:
         """What the sensor said about itself when it was configured."""
         self._line = line
         self._fd: int = line.fileno()
+        self._hang_up = select.poll()
+        self._hang_up.register(self._fd, 0)
 
     @classmethod
     def open(cls, sensor: WrenchSensor, run_dir: Path | None = None) -> WrenchPort:
@@ -83,8 +85,11 @@ class WrenchPort:
     def read_up_to(self, total: int, timeout_s: float) -> bytes:
         """Wait until the line has carried ``total`` bytes since it was opened, and return those not read yet.
 
-        For lockstep, where the stand-in announces the total. Raises `SensorLost` when they do not come.
+        For lockstep, where the stand-in announces the total. Raises `SensorLost` when they do not come, and when
+        none are to come because the line is gone.
         """
+        if self.received >= total and self._hang_up.poll(0):
+            raise self._lost("hung up")
         parts, deadline = list[bytes](), time.monotonic() + timeout_s
         while self.received < total:
             data = self.read(total - self.received)

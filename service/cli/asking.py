@@ -136,7 +136,7 @@ def _shown(status: dict[str, Any]) -> list[Any]:
             *(f"  {line}" for line in status["last_frames"][-FRAMES_SHOWN:]),
         ]
         if status["last_frames"]:
-            stopped.insert(1, f"last of the {len(status['last_frames'])} frames kept (--json has all):")
+            stopped.insert(1, f"last of the {len(status['last_frames'])} frames and deliveries kept (--json has all):")
     loop = (
         f"loop: {status['cycles']} cycles, {status['missed']} missed, worst lateness "
         f"{status['lateness_max_us']:.0f} µs, {status['cpu_us']:.0f} µs CPU a cycle"

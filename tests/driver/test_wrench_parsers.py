@@ -209,7 +209,7 @@ def test_time_stamps_go_on_across_the_wrap(frame_of: Encoders, bota_sensor: Wren
     first = 2**32 - 5_500
     stamps = []
     for k in range(12):
-        (sample,) = parser.feed(frame_of["bota"]((0.0,) * 6, first + 1000 * k), NOW + k * 1_000_000 + 50_000 * (k % 3))
+        (sample,) = parser.feed(frame_of["bota"]((k,) * 6, first + 1000 * k), NOW + k * 1_000_000 + 50_000 * (k % 3))
         assert sample.fresh is (k > 0)
         stamps.append(sample.stamp_ns)
     assert np.diff(stamps[1:]) == pytest.approx(1_000_000, abs=60_000)
@@ -230,7 +230,7 @@ def test_a_restarted_sensor_is_believed_at_its_second_frame(frame_of: Encoders, 
     parser = BotaParser(bota_sensor)
     fresh = []
     for k, time_us in enumerate([0, 1000, 2000, 9_000_000, 9_001_000, 9_002_000]):
-        (sample,) = parser.feed(frame_of["bota"]((0.0,) * 6, time_us), NOW + k * 1_000_000)
+        (sample,) = parser.feed(frame_of["bota"]((k,) * 6, time_us), NOW + k * 1_000_000)
         fresh.append(sample.fresh)
         assert bool(sample.status & SampleStatus.TIME_JUMP) is not sample.fresh
     assert fresh == [False, True, True, False, True, True]
@@ -239,7 +239,7 @@ def test_a_restarted_sensor_is_believed_at_its_second_frame(frame_of: Encoders, 
 def test_a_frame_sent_twice_counts_once(frame_of: Encoders, bota_sensor: WrenchSensor) -> None:
     """A sensor that repeats itself, time stamp and all, measures nothing."""
     parser = BotaParser(bota_sensor)
-    frames = [frame_of["bota"]((1.0,) * 6, 1000 * k) for k in range(3)]
+    frames = [frame_of["bota"]((k,) * 6, 1000 * k) for k in range(3)]
     samples = parser.feed(frames[0] + frames[1] + frames[1] + frames[1] + frames[2], NOW)
     assert [s.fresh for s in samples] == [False, True, False, False, True]
 
@@ -272,3 +272,38 @@ def test_x25_agrees_with_its_definition_bit_by_bit() -> None:
             for _ in range(8):
                 crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
         assert crc16_x25(data) == crc ^ 0xFFFF
+
+
+@pytest.mark.parametrize("kind", ["bota", "robotiq"])
+def test_a_reading_that_stands_still_is_no_measurement(
+    kind: str, frame_of: Encoders, bota_sensor: WrenchSensor, robotiq_sensor: WrenchSensor
+) -> None:
+    """The fifth equal frame and all after it are refused, though a SensONE's clock goes on; another one counts."""
+    parser, period_ns = parser_of(kind, bota_sensor, robotiq_sensor), 10_000_000
+
+    def fed(k: int, counts: int) -> bool:
+        reading = (counts, -200, 300, 40, 50, 60)
+        frame = frame_of[kind](*([reading] if kind == "robotiq" else [reading_of(reading), 10_000 * k]))
+        (sample,) = parser.feed(frame, NOW + k * period_ns)
+        assert bool(sample.status & SampleStatus.STANDS_STILL) is parser.stands_still
+        return sample.fresh
+
+    def reading_of(counts: tuple[int, ...]) -> tuple[float, ...]:
+        return f32(np.array(counts) / 100)
+
+    assert [fed(k, 7 + k) for k in range(3)] == [kind == "robotiq", True, True], "a SensONE's first frame is not judged"
+    assert [fed(k, 100) for k in range(3, 11)] == [True] * 4 + [False] * 4
+    # The last three of them came 80 ms after the last good one.
+    assert not parser.stale(NOW + 7 * period_ns) and parser.stale(NOW + 15 * period_ns)
+    assert [fed(11, 101), fed(12, 100)] == [True, True]
+    assert not parser.stands_still
+
+
+def test_noise_of_one_digit_never_stands_still(frame_of: Encoders, robotiq_sensor: WrenchSensor) -> None:
+    """Ten minutes of the quietest sensor at rest: rounded noise whose standard deviation is a digit on each channel."""
+    parser = make_parser(robotiq_sensor)
+    noise = np.rint(np.random.default_rng(5).normal(0.0, 1.0, (60_000, 6))).astype(int).tolist()
+    assert sum(a == b for a, b in pairwise(noise)) > 10, "single repetitions come by chance"
+    samples = parser.feed(b"".join(frame_of["robotiq"](tuple(counts)) for counts in noise), NOW)
+    assert len(samples) == len(noise)
+    assert all(sample.fresh for sample in samples)

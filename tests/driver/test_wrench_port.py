@@ -115,7 +115,7 @@ def test_reading_never_waits_and_counts(
 ) -> None:
     with WrenchPort.open(bota_sensor, line[0]) as port:
         assert port.read() == b""
-        frames = b"".join(frame_of["bota"]((1.0, 2, 3, 0, 0, 0), 1000 * k) for k in range(20))
+        frames = b"".join(frame_of["bota"]((k, 2, 3, 0, 0, 0), 1000 * k) for k in range(20))
         os.write(line[1], frames)
         assert port.read_up_to(100, 1.0) == frames[:100]
         assert port.read_up_to(len(frames), 1.0) == frames[100:]

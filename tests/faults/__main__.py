@@ -1,16 +1,21 @@
-"""``make faults``: runs the fault matrix and prints what was seen of each fault."""
+"""``make faults``: runs the fault matrix and prints what was seen of each fault.
+
+With ``--socketcan`` on SocketCAN, one fault after another: in the guest (tests/vcan/guest), whose time is virtual.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
 from rich.console import Console
 from rich.table import Table
 
 from tests.faults.matrix import Seen, run_on_dda, silence
+from tests.faults.on_socketcan import ALL, IN_VIRTUAL_TIME, run_on_socketcan
 from tests.faults.scenarios import SCENARIOS
 
 HEADINGS = ("family", "fault", "the arm", "seen by", "cycles", "bound", "moved on", "kept", "what it says")
@@ -19,18 +24,31 @@ WIDTH = 200
 
 def main() -> int:
     """Returns 1 when a fault was not seen as it must be."""
-    table = Table(title="Fault matrix on the MIT direct drive arm; cycles of 1 ms, frames kept")
+    on_socketcan = sys.argv[1:] == ["--socketcan"]
+    where = "SocketCAN" if on_socketcan else "the local bus"
+    table = Table(title=f"Fault matrix on the MIT direct drive arm, on {where}; cycles of 1 ms, frames kept")
     for heading in HEADINGS:
         table.add_column(heading, justify="right" if heading in ("cycles", "bound", "kept") else "left")
-    failures = 0
+    count = failures = 0
+    for seen in _on_socketcan() if on_socketcan else _on_local_bus():
+        table.add_row(*_row(seen), style="red" if seen.problems else None)
+        count += 1
+        failures += bool(seen.problems)
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table)
+    print(f"{count} faults, {failures} not as they must be")
+    return 1 if failures else 0
+
+
+def _on_local_bus() -> Iterator[Seen]:
     workers = min(2, os.cpu_count() or 1)
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=silence) as pool:
-        for seen in pool.map(run_on_dda, SCENARIOS):
-            table.add_row(*_row(seen), style="red" if seen.problems else None)
-            failures += bool(seen.problems)
-    Console(width=None if sys.stdout.isatty() else WIDTH).print(table)
-    print(f"{len(SCENARIOS)} faults, {failures} not as they must be")
-    return 1 if failures else 0
+        yield from pool.map(run_on_dda, SCENARIOS)
+
+
+def _on_socketcan() -> Iterator[Seen]:
+    if not IN_VIRTUAL_TIME:
+        sys.exit("bounds in cycles hold in virtual time: tests/vcan/guest --interfaces 'vcan0 vcan1 vcan2' -- COMMAND")
+    return map(run_on_socketcan, ALL)
 
 
 def _row(seen: Seen) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,8 @@ class Seen:
     off: bool
     """Whether every drive is without torque at the end (or the arm holds, when it went on)."""
     kept_frames: int
+    kept_nothing_of: tuple[str, ...]
+    """Buses and sensors of whose last moments nothing was kept."""
     reset: bool | None
     beyond_limits: str
     """The first command on the wire beyond the joint's limits; empty when there was none."""
@@ -53,8 +56,8 @@ class Seen:
         if wanted.outcome == "stops":
             if self.cycles is None or self.cycles > wanted.within:
                 found.append(f"seen after {self.cycles} cycles, wanted: at most {wanted.within}")
-            if not self.kept_frames:
-                found.append("no frames were kept")
+            if self.kept_nothing_of:
+                found.append(f"nothing was kept of {', '.join(self.kept_nothing_of)}")
         if not self.at_rest:
             found.append("the arm is not at rest")
         if not self.off:
@@ -88,7 +91,9 @@ def run(installation: Installation, scenario: Scenario) -> Seen:
 
 def _refused(arm: StandIn, scenario: Scenario, sentence: str) -> Seen:
     off = all(node.axis.state is not PowerState.OPERATION_ENABLED for node in arm.rig.nodes)
-    return Seen(scenario, "refused", sentence, "host", None, 0.0, True, off, 0, None, "", _digest(sentence.encode()))
+    return Seen(
+        scenario, "refused", sentence, "host", None, 0.0, True, off, 0, (), None, "", _digest(sentence.encode())
+    )
 
 
 def _session(bench: Bench, arm: StandIn, scenario: Scenario) -> Seen:
@@ -119,10 +124,16 @@ def _session(bench: Bench, arm: StandIn, scenario: Scenario) -> Seen:
         at_rest,
         not any(enabled) if stopped else all(enabled),
         len(status.last_frames),
+        _kept_nothing_of(bench.installation, status.last_frames),
         reset,
         _beyond_limits(bench),
         _fingerprint(bench),
     )
+
+
+def _kept_nothing_of(installation: Installation, lines: Sequence[str]) -> tuple[str, ...]:
+    kept = {line.split()[1] for line in lines}
+    return tuple(part.name for part in (*installation.bus, *installation.wrench_sensor) if part.name not in kept)
 
 
 def _cycles(bench: Bench, begun_ns: int) -> int | None:

@@ -1,8 +1,8 @@
 """The fault matrix: what goes wrong, and what must be seen of it, by whom, within how many cycles.
 
-Faults begin 100 ms into a motion of 0.8 rad in 0.7 s unless they say otherwise. ``within`` counts cycles of 1 ms from
-the fault's first moment to the cycle in which all axes are being stopped. A joint that does not obey is seen when it is
-``following_error_rad`` away: how soon depends on the motion.
+Faults begin in full swing of a motion of 0.8 rad in 0.7 s, 100 ms after its first hundredth of a radian, unless they
+say otherwise. ``within`` counts cycles of 1 ms from the fault's first moment to the cycle in which all axes are being
+stopped. A joint that does not obey is seen when it is ``following_error_rad`` away: how soon depends on the motion.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ DRIVE = [
     Scenario(
         "drive", "motor phases swapped, torque mode", _one("motor_torque", factor=-1.0), "stops", "joint2", 120, "cst"
     ),
-    Scenario("drive", "motor without torque", _one("motor_torque", factor=0.0), "stops", "joint2", 360),
+    Scenario("drive", "motor without torque", _one("motor_torque", factor=0.0), "stops", "joint2", 600),
     Scenario("drive", "motor with half its torque", _one("motor_torque", factor=0.5), "goes on"),
     Scenario("drive", "brake stuck", _one("brake", how="stuck"), "stops", "does not change", 250),
 ]
@@ -322,6 +322,8 @@ WRENCH = [
                  "" if bit == 0 else "no valid sample")
         for bit in (0, 1, 2, 3, 7)
     ),
+    Scenario("wrench", "values frozen, its clock going on", _one("wrench_frozen"), "goes on", "stands still"),
+    Scenario("wrench", "values frozen and back", _one("wrench_frozen", duration_ms=50), "goes on", "valid"),
     Scenario("wrench", "saturation", _one("wrench_value", value="saturated"), "goes on", "no valid sample"),
     Scenario("wrench", "NaN", _one("wrench_value", value="nan"), "goes on", "no valid sample"),
     Scenario("wrench", "infinity", _one("wrench_value", value="inf"), "goes on", "no valid sample"),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 from typing import Literal
 
 from pydantic import PrivateAttr
@@ -9,6 +12,7 @@ from pydantic import PrivateAttr
 from config import InputError
 from virtual_hw.bus.frames import error_frame, frame
 from virtual_hw.bus.local import LocalPort
+from virtual_hw.bus.socketcan import SocketCanPort
 from virtual_hw.bus.wire import Bus, Controller
 from virtual_hw.drive.node import DriveNode
 from virtual_hw.faults.fault import BusFault, JointFault, Stage
@@ -117,20 +121,66 @@ class HostBusOff(BusFault):
 
 
 class Unplugged(BusFault):
-    """The host's interface goes away: its sockets on this bus are closed."""
+    """The host's interface goes away: its sockets on this bus are closed. A vcan is deleted, and made again when the
+    fault ends; with it the stand-in loses the bus too."""
 
     kind: Literal["unplugged"]
 
     def check(self, stage: Stage) -> None:
         super().check(stage)
-        if not isinstance(stage.port(self.bus), LocalPort):
-            raise InputError("faults", f"{self.bus} is a SocketCAN interface", "take it down with ip link")
+        _require_may_change(stage.port(self.bus))
 
     def begin(self, stage: Stage) -> None:
         port = stage.port(self.bus)
         if isinstance(port, LocalPort):
             for connection in port.connections:
                 connection.alive = False
+        else:
+            _ip_link("delete", port.interface)
+
+    def end(self, stage: Stage) -> None:
+        port = stage.port(self.bus)
+        if not isinstance(port, LocalPort):
+            _ip_link("add", "dev", port.interface, "type", "vcan")
+            _ip_link("set", port.interface, "up")
+
+
+class InterfaceDown(BusFault):
+    """The interface is taken down, as ``ip link set … down`` does; up again when the fault ends."""
+
+    kind: Literal["interface_down"]
+
+    def check(self, stage: Stage) -> None:
+        super().check(stage)
+        port = stage.port(self.bus)
+        if isinstance(port, LocalPort):
+            raise InputError("faults", f"{self.bus} is no interface of the kernel", "use unplugged, or a socketcan bus")
+        _require_may_change(port)
+
+    def begin(self, stage: Stage) -> None:
+        self._set(stage, "down")
+
+    def end(self, stage: Stage) -> None:
+        self._set(stage, "up")
+
+    def _set(self, stage: Stage, to: str) -> None:
+        port = stage.port(self.bus)
+        assert not isinstance(port, LocalPort)
+        _ip_link("set", port.interface, to)
+
+
+def _require_may_change(port: LocalPort | SocketCanPort) -> None:
+    """Raises InputError for an interface that is none of ours to take away."""
+    if isinstance(port, LocalPort):
+        return
+    if not port.interface.startswith("vcan"):
+        raise InputError("faults", f"{port.interface} is no vcan", "pull its plug yourself")
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        raise InputError("faults", f"{port.interface} cannot be taken away", "run as root, with iproute2 installed")
+
+
+def _ip_link(*arguments: str) -> None:
+    subprocess.run(["ip", "link", *arguments], check=True)
 
 
 class Babbling(BusFault):

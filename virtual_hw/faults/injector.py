@@ -10,8 +10,9 @@ from virtual_hw.faults.fault import Fault, SensorFault, Stage
 from virtual_hw.faults.script import FaultScript
 from virtual_hw.faults.sensors import require_bota
 
-MOVING_RAD_S = 0.02
-"""rad/s: a joint that is faster moves."""
+MOVED_RAD = 0.01
+"""A joint that is so far from where it was enabled moves: more than its sag when the brake opens, whereas its speed
+shakes by as much as a slow motion's."""
 
 
 class Injector:
@@ -27,6 +28,8 @@ class Injector:
         self._waiting: list[Fault] = list(script.fault)
         self._present: list[tuple[Fault, int | None]] = []
         self._reached: dict[str, int] = {"start": stage.rig.now_ns}
+        self._enabled_at: list[int] = []
+        """Counts of each encoder when every drive had been enabled."""
         self.begun: list[tuple[int, Fault]] = []
         """Time in ns and fault, for each that has begun."""
         self._counts_per_rad = [abs(j.encoder.counts_per_turn) / math.tau for j in stage.installation.joint]
@@ -38,13 +41,13 @@ class Injector:
         self._act(now_ns)
 
     def _look(self, now_ns: int) -> None:
-        nodes = self._stage.rig.nodes
+        nodes, counts = self._stage.rig.nodes, self._stage.rig.power_stage.senses.counts
         if "enabled" not in self._reached:
             if all(node.axis.state is PowerState.OPERATION_ENABLED for node in nodes):
-                self._reached["enabled"] = now_ns
+                self._reached["enabled"], self._enabled_at = now_ns, list(counts)
         elif "moving" not in self._reached:
-            speeds = self._stage.rig.power_stage.senses.speed
-            if any(abs(v) > MOVING_RAD_S * k for v, k in zip(speeds, self._counts_per_rad, strict=True)):
+            moved = zip(counts, self._enabled_at, self._counts_per_rad, strict=True)
+            if any(abs(now - then) > MOVED_RAD * k for now, then, k in moved):
                 self._reached["moving"] = now_ns
 
     def _act(self, now_ns: int) -> None:

@@ -22,6 +22,7 @@ AnyFault = Annotated[
     | buses.BitErrors
     | buses.HostBusOff
     | buses.Unplugged
+    | buses.InterfaceDown
     | buses.Babbling
     | buses.TwinNode
     | canopen.SdoSilent
