@@ -27,7 +27,7 @@ class Finder(Protocol):
 
 def in_process(question: Question) -> Mapping[str, Any]:
     """What `etude diagnose` does to find its answer, without its start-up, the twin's replay and the page."""
-    read = read_recordings(question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent)
+    read = read_recordings(question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent, believed=True)
     found = diagnose(read.body, read.trajectories, read.hold_out)
     answer: Mapping[str, Any] = finite(as_json(found, read.notes))
     return answer

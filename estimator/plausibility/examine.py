@@ -6,15 +6,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters, base_parameters
 from estimator.plausibility.cut_off import cut_off, dead
 from estimator.plausibility.doubt import Doubt
+from estimator.plausibility.given_model import GivenModel, thinned
 from estimator.plausibility.hypotheses import Reading, readings
-from estimator.plausibility.snapshot import Fit, Snapshot, fit, inertias, take
+from estimator.plausibility.misread import UNRELATED, misread
+from estimator.plausibility.snapshot import SNAPSHOT_BAND, Fit, Snapshot, fit, inertias, take
 from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
 
 _WELL = 0.05
 """A misfit that needs no other reading."""
@@ -22,6 +27,11 @@ _FAR_BETTER = 0.4
 """Misfit of another reading over that of the channels as they came, to be believed."""
 _POOR = 0.2
 """A misfit, on every joint of an arm, that no friction makes."""
+_VISIBLE = 0.1
+"""What the links should make of it, at least, in half of the joints: where friction and cogging are all there is to
+see, nothing is said of the links."""
+_BEYOND_NOISE = 4.0
+"""Times its white noise: a torque of which a right model leaves no more than a quarter."""
 _CLEAR = 5.0
 """Times the residual: an inertia whose sign is beyond doubt."""
 
@@ -46,12 +56,13 @@ def without_unusable_torques(
     return result, doubts
 
 
-def examine(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
+def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool = False) -> list[Doubt]:
     """What is wrong with the recordings as recordings of this arm; empty when nothing is.
 
     ``trajectories`` with their unusable torques marked. Units by comparison of channels; order, direction and sign of
     the joints by what fits the arm's structure far better than the channels as they came; size and sign of the torques
-    by the URDF's masses where it has some.
+    by the URDF's masses where it has some. ``believed``: these masses are no first guess but the model that is to be
+    judged, so that what contradicts them all is of another arm, in another unit, or misread.
     """
     doubts = velocity_against_angle(body, trajectories)
     shot = take(trajectories)
@@ -64,7 +75,39 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
     found = fit(body, base, shot)
     if found is not None:
         doubts = _structure(body, base, shot, found)
+    if believed and np.any(body.prior()[::10] > 0.0):
+        doubts = [doubt for doubt in doubts if doubt.wrong]
+        doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
+        return doubts or _against_model(GivenModel(body, base), trajectories, thinned(shot))
     return doubts or torque_against_masses(body, shot)
+
+
+def _against_model(model: GivenModel, trajectories: Sequence[Trajectory], shot: Snapshot) -> list[Doubt]:
+    """Channels misread; or torques that this arm's links do not explain although they should be seen in them."""
+    doubts = misread(model, shot)
+    judged = None if doubts else model.judged(shot)
+    if judged is None or model.body.n < 2 or judged.share < UNRELATED:
+        return doubts
+    size = np.sqrt(np.mean(shot.tau**2, axis=0))
+    told = (judged.expected > _VISIBLE) & (judged.alone * size > _BEYOND_NOISE * _smoothed_noise(trajectories))
+    if np.count_nonzero(told) < 0.5 * model.body.n:
+        return []
+    problem = (
+        f"the links of this URDF leave {100.0 * judged.share:.0f} % of the torques that friction does not explain: "
+        "they are not the links that moved"
+    )
+    remedy = "check that the URDF is this arm's, and that q and tau are its joints' angles and torques in SI units"
+    return [Doubt("another arm", model.body.joints, problem, remedy, judged.share, True)]
+
+
+def _smoothed_noise(trajectories: Sequence[Trajectory]) -> Array:
+    """(n,) N·m that the torques' white noise leaves in a snapshot, by their second differences."""
+    noises = []
+    for trajectory in trajectories:
+        second = np.abs(np.diff(trajectory.tau, 2, axis=0))
+        white = np.nanmedian(second, axis=0) / (0.6745 * np.sqrt(6.0))
+        noises.append(white * np.sqrt(2.0 * SNAPSHOT_BAND / trajectory.rate))
+    return np.asarray(np.max(noises, axis=0))
 
 
 def _structure(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) -> list[Doubt]:

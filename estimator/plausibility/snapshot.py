@@ -23,8 +23,10 @@ _MOST_SAMPLES = 700
 _SECONDS = 60.0
 """Of recordings looked at, spread over all of them."""
 _FILTER_BAND = 0.5
-"""Hz: kinematics and torques are smoothed alike, flat to six times this."""
-_TERMS = 4
+"""Hz: kinematics and torques are smoothed alike, flat to six times this …"""
+SNAPSHOT_BAND = 6.0 * _FILTER_BAND
+"""… Hz."""
+TERMS = 4
 """Of each joint, beside the rigid body."""
 _RIDGE = 1e-9
 _SPOILT = 0.01
@@ -105,9 +107,9 @@ class Fit:
 
 def fit(body: RigidBody, base: BaseParameters, shot: Snapshot) -> Fit | None:
     """Base parameters, friction, rotor inertia and offset of each joint; None when the rows are too few to say."""
-    n, rank, extra = body.n, base.rank, _TERMS
+    n, rank, extra = body.n, base.rank, TERMS
     full = base.select(torque_regressor(body, shot.q, shot.dq, shot.ddq))
-    terms = np.stack([shot.dq, np.tanh(shot.dq / _NARROW), shot.ddq, np.ones_like(shot.dq)], axis=2)
+    terms = friction_terms(shot)
     rows, right, owners = [], [], []
     for joint in range(n):
         here = shot.moving[:, joint] & shot.usable[:, joint]
@@ -128,8 +130,13 @@ def fit(body: RigidBody, base: BaseParameters, shot: Snapshot) -> Fit | None:
     gram = scaled.T @ scaled + _RIDGE * np.eye(len(scale))
     unknowns = np.linalg.solve(gram, scaled.T @ target) / scale
     residual = target - matrix @ unknowns
-    relative = np.array([_rms(residual[owner == j]) / max(_rms(target[owner == j]), 1e-12) for j in range(n)])
+    relative = np.array([rms(residual[owner == j]) / max(rms(target[owner == j]), 1e-12) for j in range(n)])
     return Fit(unknowns, relative)
+
+
+def friction_terms(shot: Snapshot) -> Array:
+    """(samples, n, TERMS) viscous and Coulomb friction, rotor inertia and offset of each joint, in that order."""
+    return np.stack([shot.dq, np.tanh(shot.dq / _NARROW), shot.ddq, np.ones_like(shot.dq)], axis=2)
 
 
 def inertias(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) -> tuple[Array, Array]:
@@ -143,12 +150,13 @@ def inertias(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) 
         unit = rest.copy()
         unit[:, joint] = 1.0
         column = base.select(torque_regressor(body, shot.q, rest, unit))[:, joint] - gravity[:, joint]
-        rotor = unknowns[base.rank + _TERMS * joint + 2]
+        rotor = unknowns[base.rank + TERMS * joint + 2]
         inertia[joint] = float(np.mean(column @ unknowns[: base.rank])) + rotor
-        noise = found.relative[joint] * _rms(shot.tau[:, joint])
-        clear[joint] = abs(inertia[joint]) * _rms(shot.ddq[:, joint]) / max(noise, 1e-12)
+        noise = found.relative[joint] * rms(shot.tau[:, joint])
+        clear[joint] = abs(inertia[joint]) * rms(shot.ddq[:, joint]) / max(noise, 1e-12)
     return inertia, clear
 
 
-def _rms(x: Array) -> float:
+def rms(x: Array) -> float:
+    """Of all its values; 0 of none."""
     return float(np.sqrt(np.mean(x**2))) if x.size else 0.0

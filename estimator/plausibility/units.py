@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,13 @@ Array = NDArray[np.float64]
 _DEGREES = 180.0 / np.pi
 _ABOUT = 0.15
 """Share by which a ratio of channels may miss 57.3 and still mean degrees."""
+_RPM = 30.0 / np.pi
+_GAIN = 2.0
+"""Times that a velocity may differ from its angle's derivative and still be a sensor of wrong gain."""
 _BAND = 0.5
 _ALIKE = 0.8
-"""Least partial correlation of a torque with that of the URDF's masses, to compare their sizes."""
+"""Least correlation of two channels to compare their sizes: a torque with that of the URDF's masses, beside friction; a
+velocity with its angle's derivative."""
 _MATTERS = 0.1
 """Of the largest joint's: a model torque below is friction's prey."""
 _MOST = 0.5
@@ -35,30 +39,56 @@ _TOO_FAST = 5.0
 
 
 def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
-    """Velocities that are 57.3 times the derivative of the angles, or a 57.3th, in the median over turning joints."""
-    ratios: list[float] = []
-    turning = [j for j, axis in enumerate(body.axes) if axis.revolute]
+    """Velocities that are no derivative of the angles: in degrees, or of the other sign or another unit at a joint."""
+    ratios: list[list[float]] = [[] for _ in range(body.n)]
     for trajectory in trajectories:
         piece = next(trajectory.segments(CHUNK, 0), None)
         plan = plan_filter(trajectory.rate, _BAND)
         if trajectory.dq is None or piece is None or len(piece) <= 2 * plan.edge + 1:
             continue
         t = trajectory.t[piece]
-        slope = convolve(resample(t, trajectory.q[piece], plan.rate), plan.slope)[:, turning]
-        measured = convolve(resample(t, trajectory.dq[piece], plan.rate), plan.smooth)[:, turning]
+        slope = convolve(resample(t, trajectory.q[piece], plan.rate), plan.slope)
+        measured = convolve(resample(t, trajectory.dq[piece], plan.rate), plan.smooth)
         power = np.sum(slope**2, axis=0)
-        moved = power > 1e-4 * power.max(initial=0.0)
-        ratios += (np.sum(slope * measured, axis=0)[moved] / power[moved]).tolist()
+        both = np.sum(slope * measured, axis=0)
+        alike = np.abs(both) > _ALIKE * np.sqrt(power * np.sum(measured**2, axis=0))
+        for joint in np.flatnonzero((power > 1e-4 * power.max(initial=0.0)) & alike):
+            ratios[joint].append(float(both[joint] / power[joint]))
+    found = {joint: float(np.median(values)) for joint, values in enumerate(ratios) if values}
+    turning = {joint: ratio for joint, ratio in found.items() if body.axes[joint].revolute}
+    return _degrees(body, list(turning.values())) or _no_derivative(body, found)
+
+
+def _degrees(body: RigidBody, ratios: Sequence[float]) -> list[Doubt]:
+    """In the median over turning joints."""
     if not ratios:
         return []
     ratio = float(np.median(ratios))
-    joints = tuple(body.joints[j] for j in turning)
+    joints = tuple(name for name, axis in zip(body.joints, body.axes, strict=True) if axis.revolute)
     if abs(ratio / _DEGREES - 1.0) < _ABOUT:
         problem = f"the velocities are {ratio:.1f} times the derivative of the angles: they are in degrees/s"
         return [Doubt("velocities in degrees", joints, problem, "convert them to rad/s", ratio, True)]
     if abs(ratio * _DEGREES - 1.0) < _ABOUT:
         problem = f"the derivative of the angles is {1.0 / ratio:.1f} times the velocities: the angles are in degrees"
         return [Doubt("angles in degrees", joints, problem, "convert them to rad", ratio, True)]
+    return []
+
+
+def _no_derivative(body: RigidBody, ratios: Mapping[int, float]) -> list[Doubt]:
+    """Joint by joint. What goes with the angle's derivative and is not half or twice of it yet is a sensor's gain."""
+    turned = {joint: ratio for joint, ratio in ratios.items() if ratio < 0.0}
+    scaled = {joint: ratio for joint, ratio in ratios.items() if not 1.0 / _GAIN < abs(ratio) < _GAIN}
+    for kind, wrong in (("velocity scale", scaled), ("velocity sign", turned)):
+        if not wrong:
+            continue
+        names = tuple(body.joints[joint] for joint in wrong)
+        ratio = float(np.median(list(wrong.values())))
+        if kind == "velocity sign":
+            problem = f"the velocity of {', '.join(names)} runs against its angle: one of the two has the wrong sign"
+            return [Doubt("velocity sign", names, problem, "turn the sign of the velocity", ratio, True)]
+        rpm = f" ({_RPM:.2f}: revolutions a minute)" if abs(abs(ratio) / _RPM - 1.0) < _ABOUT else ""
+        problem = f"the velocity of {', '.join(names)} is {ratio:.3g} times the derivative of its angle{rpm}"
+        return [Doubt("velocity scale", names, problem, "convert both to rad and rad/s (m and m/s)", ratio, True)]
     return []
 
 

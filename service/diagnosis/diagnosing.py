@@ -44,7 +44,9 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
     """
     if not 0.0 < request.tolerance < 1.0:
         raise InputError("--tolerance", f"{request.tolerance:g} is no share", "give for instance 0.05 for 5 %")
-    read = read_recordings(request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell)
+    read = read_recordings(
+        request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell, believed=True
+    )
     tell("judging", 0.4)
     result = diagnose(read.body, read.trajectories, read.hold_out, request.tolerance)
     answer = {

@@ -11,15 +11,21 @@ from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
 
-def examined(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[list[Trajectory], list[str]]:
+def examined(
+    body: RigidBody, trajectories: Sequence[Trajectory], believed: bool = False
+) -> tuple[list[Trajectory], list[str]]:
     """The recordings with unusable torques marked, and a sentence for each thing that is doubtful about them.
 
+    ``believed``: the body's masses are the model that is to be judged, see `estimator.plausibility.examine`.
     Raises InputError when units, signs or the order of joints are wrong beyond doubt: nothing is fitted over that.
     """
     if not trajectories:
         return [], []
     usable, doubts = without_unusable_torques(body, trajectories)
-    doubts += examine(body, usable)
+    if all(trajectory.unusable is not None and trajectory.unusable.all() for trajectory in usable):
+        names = ", ".join(Path(trajectory.name).name for trajectory in trajectories)
+        raise InputError(names, "no torque ever changes", "record the torques of the joints in N·m")
+    doubts += examine(body, usable, believed)
     for doubt in doubts:
         if doubt.wrong:
             names = ", ".join(Path(trajectory.name).name for trajectory in trajectories)

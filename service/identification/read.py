@@ -39,10 +39,12 @@ def read_recordings(
     hold: Mapping[str, float],
     topic: str,
     tell: Tell,
+    believed: bool = False,
 ) -> ReadRecordings:
     """Reads everything, the recordings to judge on behind those to learn from.
 
     ``arm_named``: a configured name, an installation or URDF file, or None for the arm that the recordings carry.
+    ``believed``: its masses are the model that is to be judged, and no first guess.
     Raises InputError naming file, line and column for recordings that cannot be used, or what is wrong with channels
     that cannot be this arm's (`estimator.plausibility`).
     """
@@ -76,7 +78,7 @@ def read_recordings(
         notes.append(f"joints of the URDF that were not recorded are held still: {held}")
     tell("examining the recordings", 0.35)
     count = len(recordings)
-    learnt, doubts = examined(body, read[:count])
-    judged, doubts_of_judged = examined(body, read[count:])
+    learnt, doubts = examined(body, read[:count], believed)
+    judged, doubts_of_judged = examined(body, read[count:], believed)
     notes += [*doubts, *doubts_of_judged]
     return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))

@@ -1,0 +1,137 @@
+"""How well the given model explains recordings, its links believed to a share that no scale or drawing misses by.
+
+A free body of the right kinematics fits almost any torques a little; that these links, give or take a third and a load
+at the tool, should have made them is a far sharper question.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.base_parameters import BaseParameters
+from estimator.diagnosis.tolerance import base_precision
+from estimator.plausibility.snapshot import TERMS, Snapshot, friction_terms, rms
+from estimator.regressor import inverse_dynamics, torque_regressor
+from estimator.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 0.3
+"""Relative standard deviation of each link's parameters: more than drawings, cables and covers are off by, and far
+less than another arm is."""
+_LOAD, _LOAD_REACH = 0.3, 0.2
+"""A load that the model does not know: standard deviation of its mass, share of the arm's, and m from the flange."""
+_FLOOR = 0.1
+"""Of a joint's torque: how exactly a rigid body with Coulomb friction is expected to fit anything."""
+_THINNED = 3
+"""Every so-manieth sample of a snapshot: hypotheses are told apart by tens of percents."""
+_RIDGE = 1e-9
+_LEAST_ROWS = 60
+
+
+@dataclass(frozen=True)
+class Judged:
+    """(n,) each, NaN where a joint does not move: shares of the joint's rms torque."""
+
+    left: Array
+    """That model, load, friction, rotor and offset leave."""
+    alone: Array
+    """That friction, rotor and offset alone leave."""
+    expected: Array
+    """Of ``alone``, what the model as given says it should be, up to its sign: how visible the links are."""
+
+    @property
+    def share(self) -> float:
+        """Of what friction, rotor and offset leave, what the model leaves as well; in a typical joint."""
+        return float(np.exp(np.nanmean(np.log(np.maximum(self.left, 1e-9) / np.maximum(self.alone, 1e-9)))))
+
+
+class GivenModel:
+    """The given model as a prior that recordings, or other readings of them, are held against."""
+
+    def __init__(self, body: RigidBody, base: BaseParameters) -> None:
+        self.body, self._base = body, base
+        prior = body.prior()
+        self._beta = np.asarray(base.combination @ prior)
+        covariance = np.linalg.inv(base_precision(body, base, _TOLERANCE))
+        load = _LOAD * float(prior[::10].sum())
+        spread = load * np.array([1.0, *[_LOAD_REACH] * 3, *[_LOAD_REACH**2] * 6])
+        reaches = base.combination[:, -10:] * spread
+        self._precision: Array = np.asarray(np.linalg.inv(covariance + reaches @ reaches.T), dtype=float)
+        # Readings that exchange torques alone share their regressor.
+        self._seen: tuple[Array, Array] | None = None
+
+    def left(self, shot: Snapshot) -> Array | None:
+        """(n,) as `Judged.left`, of a `thinned` snapshot; None when too little moves to say."""
+        if self._seen is None or self._seen[0] is not shot.q:
+            columns = self._base.select(torque_regressor(self.body, shot.q, shot.dq, shot.ddq))
+            self._seen = shot.q, columns
+        return _left(shot, self._seen[1], self._precision, self._beta)
+
+    def judged(self, shot: Snapshot) -> Judged | None:
+        """Model, and what is expected of it, against friction alone, on a `thinned` snapshot; None when too little
+        moves to say."""
+        left = self.left(shot)
+        if left is None:
+            return None
+        n = self.body.n
+        alone = _left(shot, np.zeros((len(shot.q), n, 0)), np.zeros((0, 0)), np.zeros(0))
+        assert alone is not None
+        model = inverse_dynamics(self.body, self.body.prior(), shot.q, shot.dq, shot.ddq)
+        expected = np.full(n, np.nan)
+        for joint in range(n):
+            here = shot.moving[:, joint] & shot.usable[:, joint]
+            if here.any():
+                beside = friction_terms(shot)[here, joint]
+                pair = np.column_stack([model[here, joint], shot.tau[here, joint]])
+                x, y = (pair - beside @ np.linalg.lstsq(beside, pair, rcond=None)[0]).T
+                expected[joint] = rms(x) / max(rms(y), 1e-12)
+        return Judged(left, alone, expected)
+
+
+def thinned(shot: Snapshot) -> Snapshot:
+    """A snapshot small enough to try a hundred readings of it."""
+    some = slice(None, None, _THINNED)
+    kept = {name: getattr(shot, name)[some] for name in ("q", "dq", "ddq", "tau", "moving", "usable")}
+    return replace(shot, **kept)
+
+
+def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Array | None:
+    """(n,) share that is left by base parameters near ``beta`` (rank,), with friction and rotors that are not
+    negative, and an offset a joint. ``columns`` (samples, n, rank)."""
+    n, rank = shot.q.shape[1], len(beta)
+    size = rank + TERMS * n
+    gram, right = np.zeros((size, size)), np.zeros(size)
+    gram[:rank, :rank], right[:rank] = precision, precision @ beta
+    terms = friction_terms(shot)
+    blocks: list[tuple[Array, Array]] = []
+    for joint in range(n):
+        here = shot.moving[:, joint] & shot.usable[:, joint]
+        block = np.zeros((int(here.sum()), size))
+        block[:, :rank] = columns[here, joint]
+        block[:, rank + TERMS * joint : rank + TERMS * (joint + 1)] = terms[here, joint]
+        weight = 1.0 / (_FLOOR * max(rms(shot.tau[here, joint]), 1e-12))
+        block, target = weight * block, weight * shot.tau[here, joint]
+        gram += block.T @ block
+        right += block.T @ target
+        blocks.append((block, target))
+    if sum(len(target) for _, target in blocks) < _LEAST_ROWS:
+        return None
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0.0] = 1.0
+    gram = gram / np.outer(scale, scale) + _RIDGE * np.eye(size)
+    bounded = np.arange(size) >= rank
+    bounded[rank + TERMS - 1 :: TERMS] = False
+    unknowns, free = np.zeros(size), np.ones(size, dtype=np.bool_)
+    while True:
+        unknowns[:] = 0.0
+        unknowns[free] = np.linalg.solve(gram[np.ix_(free, free)], (right / scale)[free])
+        negative = bounded & (unknowns < 0.0)
+        if not negative.any():
+            break
+        free &= ~negative
+    unknowns /= scale
+    return np.array([_FLOOR * rms(y - x @ unknowns) if len(y) else np.nan for x, y in blocks])
