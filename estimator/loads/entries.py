@@ -59,5 +59,6 @@ def plain(x: Array) -> Any:
 
 
 def entry(measured: Measured, unit: str, held: bool) -> dict[str, Any]:
+    """One quantity as value, standard error and unit; ``held``: its error is withheld (null)."""
     error = np.full(np.shape(measured.value), np.nan) if held else measured.standard_error
     return {"value": plain(measured.value), "standard_error": plain(error), "unit": unit}

@@ -10,15 +10,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from config import InputError, Installation
 from config.schema import Mode
-from driver.plan import Plan
 from service.diagnosis.request import DiagnoseRequest
 from service.identification.worker import in_worker
 from service.sessions.moving import MovingArm, SessionController, plan_motion
-from service.sessions.procedure import Tell, within
+from service.sessions.playing import planned, play_recorded
+from service.sessions.procedure import Tell, part
 from service.sessions.store import Kind, Session
 
 PLAYINGS = 2
 """Of every motion: what differs between them is noise."""
+PLAYING_SHARE = 0.6
+"""Share of a round that goes by in motion; the rest is judging."""
 
 
 class DiagnoseArguments(BaseModel):
@@ -48,51 +50,35 @@ class DiagnoseArm:
     def __init__(self, installation: Installation, arguments: DiagnoseArguments) -> None:
         self._installation = installation
         self._asked = arguments
-        motions = () if arguments.recordings else arguments.motions or installation.arm.identification_motions
-        if not motions and not arguments.recordings:
-            raise InputError(
-                str(installation.path),
-                f"arm {installation.arm.name} lists no identification_motions",
-                "list some under [arm], or name motions, or give recordings",
-            )
         if arguments.recordings and arguments.motions:
             raise InputError("--motion", "is for diagnosing without recordings", "leave it out, or the recordings")
-        self._plans = [self._plan(name) for name in motions]
+        mode, controller = arguments.mode, arguments.controller
+        self._plans = (
+            []
+            if arguments.recordings
+            else planned(arguments.motions, "identification_motions", installation, mode, controller)
+        )
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump(mode="json")
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
-        rounds = self._asked.budget + 1
+        round_share = 1.0 / (self._asked.budget + 1)
+        first = part(tell, 0.0, round_share)
         recordings = list(self._asked.recordings)
         # Every motion once, then all again: friction that warms up does not look like noise.
-        recordings += await self._recorded(moving, session, self._plans * PLAYINGS, _part(tell, 0, rounds))
+        recordings += await play_recorded(moving, session, self._plans * PLAYINGS, part(first, 0.0, PLAYING_SHARE))
         experiments: list[Mapping[str, Any]] = []
-        answer = await self._judged(session, recordings, experiments, _part(tell, 0, rounds))
+        answer = await self._judged(session, recordings, experiments, first)
         while len(experiments) < self._asked.budget and (designed := _undecided(answer)) is not None:
-            part = _part(tell, len(experiments) + 1, rounds)
-            plan = self._plan(designed["motion"])
-            recordings += await self._recorded(moving, session, [plan] * PLAYINGS, part)
+            begin = (len(experiments) + 1) * round_share
+            another = part(tell, begin, begin + round_share)
+            plan = plan_motion(designed["motion"], self._installation, self._asked.mode, self._asked.controller)
+            recordings += await play_recorded(moving, session, [plan] * PLAYINGS, part(another, 0.0, PLAYING_SHARE))
             played = {key: designed[key] for key in ("motion", "between", "predicted_gap")}
             experiments = [*answer["experiments"], played]
-            answer = await self._judged(session, recordings, experiments, part)
+            answer = await self._judged(session, recordings, experiments, another)
         return {"session": session.id, **answer}
-
-    async def _recorded(self, moving: MovingArm, session: Session, plans: list[Plan], tell: Tell) -> list[Path]:
-        """Recordings of these motions; the drives rest before and after."""
-        if not plans:
-            return []
-        tell("enabling the drives", 0.0)
-        await moving.enable(self._asked.mode)
-        paths = []
-        for k, plan in enumerate(plans):
-            begin, end = 0.6 * k / len(plans), 0.6 * (k + 1) / len(plans)
-            await moving.go_to(plan.q[0], plan.mode, within(tell, "moving to the next start", begin, begin))
-            metadata = {"motion": plan.name, "mode": plan.mode, "controller": plan.controller}
-            playing = within(tell, f"playing {plan.name}", begin, end)
-            paths.append(await moving.play_recorded(plan, session, metadata, playing))
-        await moving.disable()
-        return paths
 
     async def _judged(
         self, session: Session, recordings: list[Path], experiments: list[Mapping[str, Any]], tell: Tell
@@ -105,10 +91,7 @@ class DiagnoseArm:
             directory=session.directory / f"diagnosis-{len(experiments) + 1}",
             experiments=tuple(experiments),
         )
-        return await in_worker(request, lambda stage, share: tell(stage, 0.6 + 0.4 * share))
-
-    def _plan(self, name: str) -> Plan:
-        return plan_motion(name, self._installation, self._asked.mode, self._asked.controller)
+        return await in_worker(request, part(tell, PLAYING_SHARE, 1.0))
 
 
 def _undecided(answer: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -119,8 +102,3 @@ def _undecided(answer: Mapping[str, Any]) -> Mapping[str, Any] | None:
         if finding["next_experiment"] is not None and finding["next_experiment"]["motion"] is not None
     ]
     return max(designed, key=lambda one: float(one["predicted_gap"]), default=None)
-
-
-def _part(tell: Tell, k: int, rounds: int) -> Tell:
-    """Progress of the k-th round as progress of the session."""
-    return lambda stage, share: tell(stage, (k + share) / rounds)

@@ -13,11 +13,11 @@ from pydantic import BaseModel, ConfigDict
 
 from config import InputError, Installation
 from config.schema import Mode
-from driver.plan import Plan
 from service.identification.request import LoadForm, LoadRequest, Tolerance
 from service.identification.worker import in_worker
-from service.sessions.moving import MovingArm, SessionController, plan_motion, plan_rest
-from service.sessions.procedure import Tell
+from service.sessions.moving import MovingArm, SessionController, plan_rest
+from service.sessions.playing import planned, play_recorded
+from service.sessions.procedure import Tell, part
 from service.sessions.store import Kind, Session
 
 PLAYING_SHARE = 0.9
@@ -50,21 +50,15 @@ class IdentifyLoad:
     def __init__(self, installation: Installation, arguments: IdentifyLoadArguments) -> None:
         self._asked = arguments
         self._installation = installation
-        place, name = str(installation.path), installation.arm.name
         if not installation.wrench_sensor:
             raise InputError(
-                place,
-                f"arm {name} has no wrench sensor",
+                str(installation.path),
+                f"arm {installation.arm.name} has no wrench sensor",
                 "play motions with and without the load and give the recordings: etude identify load … --without …",
             )
-        motions = arguments.motions or installation.arm.load_identification_motions
-        if not motions:
-            raise InputError(
-                place,
-                f"arm {name} lists no load_identification_motions",
-                "list some under [arm], or name motions, or give recordings",
-            )
-        played = [plan_motion(m, installation, arguments.mode, arguments.controller) for m in motions]
+        played = planned(
+            arguments.motions, "load_identification_motions", installation, arguments.mode, arguments.controller
+        )
         before, after = (
             plan_rest(installation, REST_S, arguments.mode, arguments.controller, f"rest-{when}")
             for when in ("before", "after")
@@ -75,12 +69,7 @@ class IdentifyLoad:
         return self._asked.model_dump(mode="json")
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
-        tell("enabling the drives", 0.0)
-        await moving.enable(self._asked.mode)
-        paths: list[Path] = []
-        for k, plan in enumerate(self._plans):
-            paths.append(await self._record(moving, session, plan, _part(tell, k, len(self._plans))))
-        await moving.disable()
+        paths = await play_recorded(moving, session, self._plans, part(tell, 0.0, PLAYING_SHARE))
         tell("estimating", PLAYING_SHARE)
         asked = self._asked
         request = LoadRequest(
@@ -95,19 +84,5 @@ class IdentifyLoad:
             form=asked.form,
             band_hz=asked.band_hz,
         )
-        answer = await in_worker(
-            request, lambda stage, share: tell(stage, PLAYING_SHARE + (1.0 - PLAYING_SHARE) * share)
-        )
+        answer = await in_worker(request, part(tell, PLAYING_SHARE, 1.0))
         return {"session": session.id, "recordings": [str(p) for p in paths], **answer}
-
-    async def _record(self, moving: MovingArm, session: Session, plan: Plan, tell: Tell) -> Path:
-        await moving.go_to(plan.q[0], plan.mode, lambda share: tell("moving to the next start", 0.5 * share))
-        metadata = {"motion": plan.name, "mode": plan.mode, "controller": plan.controller}
-        return await moving.play_recorded(
-            plan, session, metadata, lambda share: tell(f"playing {plan.name}", 0.5 + 0.5 * share)
-        )
-
-
-def _part(tell: Tell, k: int, count: int) -> Tell:
-    """Progress of the k-th of ``count`` motions as progress of the session."""
-    return lambda stage, share: tell(stage, PLAYING_SHARE * (k + share) / count)

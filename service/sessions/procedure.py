@@ -17,6 +17,11 @@ def within(tell: Tell, stage: str, begin: float, end: float) -> Callable[[float]
     return lambda share: tell(stage, begin + share * (end - begin))
 
 
+def part(tell: Tell, begin: float, end: float) -> Tell:
+    """Stages and progress of one part of a session, told as the session's between ``begin`` and ``end``."""
+    return lambda stage, share: tell(stage, begin + share * (end - begin))
+
+
 class Procedure(Protocol):
     """One session's work, checked as a whole when it is made: making it raises InputError, and nothing has moved."""
 

@@ -32,7 +32,7 @@ def rigid(body: RigidBody, q: Array, dq: Array, ddq: Array) -> Array:
     return inverse_dynamics(body, body.prior(), q, dq, ddq)
 
 
-def close(found: Array, expected: Array, share: float) -> None:
+def assert_close(found: Array, expected: Array, share: float) -> None:
     """Within a share of the rms."""
     assert np.sqrt(np.mean((found - expected) ** 2)) < share * np.sqrt(np.mean(expected**2))
 
@@ -40,7 +40,7 @@ def close(found: Array, expected: Array, share: float) -> None:
 def test_an_offset_is_the_torque_at_the_other_angle(signals: Signals) -> None:
     s, shift = signals, np.eye(6)[2] * 1e-3
     expected = rigid(s.body, s.q + shift, s.dq, s.ddq) - s.tau_rigid
-    close(torque("encoder_offset", ELBOW, s, offset=1e-3), expected, 2e-3)
+    assert_close(torque("encoder_offset", ELBOW, s, offset=1e-3), expected, 2e-3)
 
 
 def test_an_eccentric_disc_is_the_torque_of_the_motion_that_was_not_measured(signals: Signals) -> None:
@@ -52,7 +52,7 @@ def test_an_eccentric_disc_is_the_torque_of_the_motion_that_was_not_measured(sig
     for channel, error in zip(true, (wave, slope * v, slope * w - wave * v**2), strict=True):
         channel[:, joint] -= a * error
     found = torque("encoder_eccentricity", ELBOW, s, amplitude=a, phase=phase)
-    close(found[5:-5], (rigid(s.body, *true) - s.tau_rigid)[5:-5], 5e-3)
+    assert_close(found[5:-5], (rigid(s.body, *true) - s.tau_rigid)[5:-5], 5e-3)
 
 
 def test_a_tilted_base_is_turned_gravity(signals: Signals) -> None:
@@ -60,7 +60,7 @@ def test_a_tilted_base_is_turned_gravity(signals: Signals) -> None:
     tilted = Rotation.from_euler("xy", [roll, pitch]).inv().apply(signals.body.gravity)
     body = replace(signals.body, gravity=np.asarray(tilted))
     expected = rigid(body, signals.q, signals.dq, signals.ddq) - signals.tau_rigid
-    close(torque("base_tilt", Place(), signals, roll=roll, pitch=pitch), expected, 5e-3)
+    assert_close(torque("base_tilt", Place(), signals, roll=roll, pitch=pitch), expected, 5e-3)
 
 
 def test_a_push_is_held_by_the_transposed_jacobian(signals: Signals) -> None:
@@ -104,7 +104,7 @@ def test_saturation_and_dead_zone_undo_their_curves(signals: Signals) -> None:
     true = signals.tau_rigid[:, 2]
     limit = 3.0 * float(np.abs(true).max())
     measured = true + torque("torque_nonlinearity", ELBOW, signals, limit=limit)[:, 2]
-    close(limit * np.tanh(measured / limit), true, 2e-3)
+    assert_close(limit * np.tanh(measured / limit), true, 2e-3)
     measured = true + torque("torque_nonlinearity", ELBOW, signals, dead_zone=0.5)[:, 2]
     returned = np.copysign(np.maximum(np.abs(measured) - 0.5, 0.0), measured)
     away = np.abs(true) > 0.5
@@ -171,7 +171,7 @@ def test_an_elastic_joint_gives_by_its_torque_over_its_stiffness(signals: Signal
         channel[:, 2] -= lag
         lag = np.gradient(lag, s.period)
     found = torque("joint_elasticity", ELBOW, s, stiffness=stiffness, damping=0.0)
-    close(found[20:-20], (rigid(s.body, *behind) - s.tau_rigid)[20:-20], 0.05)
+    assert_close(found[20:-20], (rigid(s.body, *behind) - s.tau_rigid)[20:-20], 0.05)
 
 
 def test_a_gap_is_crossed_in_free_flight() -> None:

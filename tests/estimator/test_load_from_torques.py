@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.consistency import parameters_of, pseudo_inertia
-from estimator.loads.frame_motion import sensor_frame
 from estimator.loads.from_torques import load_from_torques
 from estimator.loads.parameters import rigid_load
 from estimator.loads.same_motion import free_twin
+from tests.estimator.loaded_arm import at_tool
 
 Array = NDArray[np.float64]
 TRUTH = rigid_load(2.2, np.array([0.01, -0.02, 0.06]), np.array([0.012, 1e-3, 0.0, 0.004, 0.0, 0.013]))
@@ -32,13 +31,7 @@ def measured(
     """Torques of the arm by its URDF, with a load in the tool's frame moved to the last link by its pseudo-inertia;
     ``rub``: Coulomb friction that varies with the angle, N·m."""
     t, q, dq, ddq = motion
-    psi = body.prior()
-    if load:
-        place = sensor_frame(body, "tool")
-        rigid = np.eye(4)
-        rigid[:3, :3], rigid[:3, 3] = place.rotation, place.translation
-        moved = parameters_of(rigid @ pseudo_inertia(TRUTH.parameters) @ rigid.T)
-        psi[10 * place.joint : 10 * place.joint + 10] += moved
+    psi = body.prior() + at_tool(body, TRUTH) if load else body.prior()
     random = np.random.default_rng(seed)
     tau = inverse_dynamics(body, psi, q, dq, ddq) + 0.2 * random.normal(size=q.shape)
     tau += rub * (1.0 + 0.4 * np.sin(7.0 * q)) * np.tanh(dq / 0.01)
@@ -47,7 +40,7 @@ def measured(
     )
 
 
-def close(load: Any, factor: float = 4.0) -> None:
+def assert_close(load: Any, factor: float = 4.0) -> None:
     for found, truth in ((load.mass, TRUTH.mass), (load.centre, TRUTH.centre)):
         assert np.all(np.abs(found.value - truth.value) < factor * found.standard_error)
 
@@ -65,7 +58,7 @@ def test_the_same_motion_free_takes_friction_away(dda: RigidBody, make_periodic:
     assert (twin.name, twin.lag) == ("free 3", pytest.approx(-0.4, abs=1e-3))
     found = load_from_torques(dda, "tool", [loaded], free)
     assert found.paired == ("free 3",)
-    close(found.load)
+    assert_close(found.load)
     assert found.load.mass.standard_error < 0.1
 
 
@@ -75,7 +68,7 @@ def test_other_motions_are_bridged_by_the_free_model_and_its_errors_counted(dda:
     found = load_from_torques(dda, "tool", loaded, free)
     assert found.paired == (None,)
     assert found.widening >= 1.0
-    close(found.load)
+    assert_close(found.load)
     single = load_from_torques(dda, "tool", loaded, free[:1])
     assert "second free recording" in single.warnings[0]
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.consistency import parameters_of, pseudo_inertia
 from estimator.loads import RigidLoad, rigid_load
-from estimator.loads.frame_motion import sensor_frame
 from estimator.loads.torque_constant import torque_gains
+from tests.estimator.loaded_arm import at_tool
 
 Array = NDArray[np.float64]
 LOAD = rigid_load(4.0, np.array([0.01, -0.02, 0.06]), np.array([0.02, 0.0, 0.0, 0.01, 0.0, 0.02]))
@@ -23,13 +22,7 @@ GAINS = np.array([1.0, 0.9, 1.12])
 def measured(body: RigidBody, motion: tuple[Array, ...], seed: int, load: bool) -> Trajectory:
     """What drives with wrong torque constants say of joints that rub."""
     t, q, dq, ddq = motion
-    psi = body.prior()
-    if load:
-        place = sensor_frame(body, "tool")
-        rigid = np.eye(4)
-        rigid[:3, :3], rigid[:3, 3] = place.rotation, place.translation
-        moved = parameters_of(rigid @ pseudo_inertia(LOAD.parameters) @ rigid.T)
-        psi[10 * place.joint : 10 * place.joint + 10] += moved
+    psi = body.prior() + at_tool(body, LOAD) if load else body.prior()
     random = np.random.default_rng(seed)
     noise = 0.1 * random.normal(size=q.shape)
     true = inverse_dynamics(body, psi, q, dq, ddq) + 1.5 * np.tanh(dq / 0.01)
