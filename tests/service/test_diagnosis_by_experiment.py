@@ -15,7 +15,7 @@ from config.loader import HERE
 from config.motion import check_motion, load_motion, sample
 from service.supervision import SupervisedProcess
 
-pytestmark = pytest.mark.timeout(400)
+pytestmark = pytest.mark.timeout(900)
 
 READY_S = 90.0
 FRICTION = """
@@ -61,7 +61,7 @@ def test_what_one_swing_leaves_open_a_designed_motion_decides(rubbing_arm: Any, 
     swing.write_text(SWING, encoding="utf-8")
     asked = ("diagnose", "--experiment", "--motion", str(swing), "--budget", "1", "--json", "-")
     client = rubbing_arm.popen(*asked)
-    out, told = client.communicate(timeout=350)
+    out, told = client.communicate(timeout=850)
     assert client.returncode == 0, told
     answer = json.loads(out)
     (played,) = answer["experiments"]
