@@ -193,7 +193,7 @@ def consistent_parameters(found: LinkIdentification, prior: Array | None = None)
 
     Raises InputError when the identification has no standard errors to weigh against the prior.
     """
-    if found.degrees_of_freedom == 0.0:
+    if not found.degrees_of_freedom.any():
         raise InputError("recordings", "are too short for standard errors", "record longer, or several motions")
     rank = found.base.rank
     anchor = found.body.prior() if prior is None else prior

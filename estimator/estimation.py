@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -141,7 +141,11 @@ def estimate(
         weights = reweighted()
     final = system(weights, by_instruments)
     solution = solve(final)
-    hausman = _hausman(solution, solve(system(weights)), chosen) if by_instruments else None
+    hausman = None
+    if by_instruments:
+        without = solve(system(weights))
+        solution = replace(solution, degrees_of_freedom=without.degrees_of_freedom)
+        hausman = _hausman(solution, without, chosen)
     return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman, final, refused)
 
 

@@ -71,8 +71,8 @@ class LinkIdentification:
     """(rank + terms,)"""
     covariance: Array
     """Of `value`; NaN rows for base parameters that the motion did not excite."""
-    degrees_of_freedom: float
-    """Of the standard errors, for Student's intervals."""
+    degrees_of_freedom: Array
+    """Of each standard error, for Student's intervals: few where few parts of the recordings tell a value."""
     estimator: str
     band: float
     """Hz: half-power edge of the low-pass that regressor and torque share."""
@@ -108,7 +108,7 @@ class LinkIdentification:
         Standard errors say how the answer would scatter if everything were done again. Where the model lacks more than
         noise the answer scatters around something else than the truth, and no interval about it can be promised.
         """
-        if self.degrees_of_freedom == 0.0:
+        if not self.degrees_of_freedom.any():
             return "too short for standard errors"
         if self.lack_of_fit is None:
             return None
@@ -124,7 +124,7 @@ class LinkIdentification:
         """(P, 2) confidence intervals of base parameters and terms; NaN where they are `withheld`."""
         if self.withheld is not None:
             return np.full((len(self.value), 2), np.nan)
-        half = student.ppf(0.5 + level / 2.0, self.degrees_of_freedom) * self.standard_error
+        half = student.ppf(0.5 + level / 2.0, np.maximum(self.degrees_of_freedom, 1.0)) * self.standard_error
         return np.column_stack([self.value - half, self.value + half])
 
     def full_parameters(self, prior: Array | None = None) -> Array:

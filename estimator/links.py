@@ -146,6 +146,8 @@ def _result(
     unknowns, covariance = np.zeros(layout.size), np.full((layout.size, layout.size), np.nan)
     unknowns[chosen] = solution.value
     covariance[np.ix_(chosen, chosen)] = solution.covariance
+    freedom = np.zeros(layout.size)
+    freedom[chosen] = solution.degrees_of_freedom
     missing = [layout.base.names[k] for k in found.untold]
     plain = assemble(layout, sums, np.array([white_weight(1.0)] * layout.body.n))
     eigenvalues = np.linalg.eigvalsh(plain.of([k for k in chosen if k < rank]).total)
@@ -155,7 +157,7 @@ def _result(
     elif missing:
         status = "too little motion"
         warnings.append(f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, missing)} more")
-    elif solution.degrees_of_freedom == 0.0:
+    elif not solution.degrees_of_freedom.any():
         status = "too little data"
         warnings.append("too short for standard errors: record longer, or several motions")
     held_out = None
@@ -167,7 +169,7 @@ def _result(
         terms=tuple(all_terms[k - rank] for k in kept_terms),
         value=unknowns[reported],
         covariance=covariance[np.ix_(reported, reported)],
-        degrees_of_freedom=solution.degrees_of_freedom,
+        degrees_of_freedom=freedom[reported],
         estimator=options.estimator,
         band=band,
         samples=sums.samples,

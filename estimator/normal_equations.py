@@ -60,11 +60,11 @@ class NormalEquations:
 
 @dataclass(frozen=True)
 class Solution:
-    """Unknowns (P,) with their covariance (P, P) and its degrees of freedom."""
+    """Unknowns (P,) with their covariance (P, P) and the degrees of freedom (P,) of each one's variance."""
 
     value: Array
     covariance: Array
-    degrees_of_freedom: float
+    degrees_of_freedom: Array
     without: Array
     """(batches, P): the solutions without one batch each."""
 
@@ -98,36 +98,54 @@ def solve(equations: NormalEquations) -> Solution:
     value = np.linalg.solve(total / np.outer(scale, scale), right / scale) / scale
     count, size = equations.right.shape
     if count < 4:
-        return Solution(value, np.full((size, size), np.inf), 0.0, np.empty((0, size)))
+        return Solution(value, np.full((size, size), np.inf), np.zeros(size), np.empty((0, size)))
     # What only one batch can tell leaves a singular rest: the slight ridge turns it into a large error, not a fault.
     rest = (total - equations.matrix) / np.outer(scale, scale) + 1e-12 * np.eye(size)
     without = np.linalg.solve(rest, ((right - equations.right) / scale)[..., None])[..., 0] / scale
-    covariance = _covariance(equations, scale, value, without)
-    if equations.prior_matrix.any():
-        inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
-        covariance += inverse @ equations.prior_matrix @ inverse
-    return Solution(value, covariance, count - 1.0, without)
-
-
-def _covariance(equations: NormalEquations, scale: Array, value: Array, without: Array) -> Array:
-    """From how far each batch pulls at the solution (P,), by CR2 (Bell and McCaffrey 2002): a batch's pull counts over
-    the square root of what it has left of itself to disagree with, (1 − leverage)^½, which is right on average where
-    leaving the batch out, (1 − leverage)¹, is too much. Equations with instruments have no leverage: there the
-    solutions ``without`` (batches, P) each batch are compared.
-    """
-    total = equations.total / np.outer(scale, scale)
-    count = len(equations.right)
-    if not np.allclose(total, total.T, rtol=0.0, atol=1e-9):
+    if not np.allclose(total, total.T, rtol=0.0, atol=1e-9 * scale.max() ** 2):
+        # Equations with instruments have no leverage: there the solutions without a batch are compared.
         deviation = without - value
-        return np.asarray((count - 1) / count * deviation.T @ deviation)
-    root = np.linalg.cholesky(total)
-    inner = np.linalg.inv(root)
+        covariance = (count - 1) / count * deviation.T @ deviation
+        return Solution(value, covariance, np.full(size, count - 1.0), without)
+    covariance, freedom = _by_batches(equations, scale, value)
+    return Solution(value, covariance, freedom, without)
+
+
+def _by_batches(equations: NormalEquations, scale: Array, value: Array) -> tuple[Array, Array]:
+    """Covariance (P, P) and its degrees of freedom (P,) from how far each batch pulls at the solution (P,).
+
+    CR2 (Bell and McCaffrey 2002): a batch's pull counts over the square root of what it has left of itself to disagree
+    with, (1 − leverage)^½, which is right on average where leaving the batch out, (1 − leverage)¹, is too much. What
+    few batches tell has fewer degrees of freedom than there are batches: Satterthwaite's, tr(C)²/tr(C²) with C the
+    covariance (batches, batches) that the pulls at one unknown have where the weights are the noise's.
+    """
+    count = len(equations.right)
+    total = equations.total / np.outer(scale, scale)
+    inner = np.linalg.inv(np.linalg.cholesky(total))
     own = inner @ (equations.matrix / np.outer(scale, scale)) @ inner.T
     leverage, axes = np.linalg.eigh((own + own.swapaxes(1, 2)) / 2.0)
+    left = 1.0 / np.sqrt(np.clip(1.0 - leverage, _LEAST_LEFT, 1.0))
     pull = ((equations.right - equations.matrix @ value) / scale) @ inner.T
-    freed = np.einsum("bij,bj->bi", axes.swapaxes(1, 2), pull) / np.sqrt(np.clip(1.0 - leverage, _LEAST_LEFT, 1.0))
+    freed = np.einsum("bji,bj->bi", axes, pull) * left
     pull = np.einsum("bij,bj->bi", axes, freed) @ inner / scale
-    return np.asarray(pull.T @ pull)
+    covariance = pull.T @ pull
+
+    # The same for each unknown's row of the inverse, in the place of the pull: columns of ``inner``.
+    rows = axes.swapaxes(1, 2) @ inner
+    seen = axes @ ((leverage * left)[:, :, None] * rows)
+    alone = np.einsum("bki,bk->bi", rows**2, leverage * left**2)
+    shared = np.einsum("bki,cki->ibc", seen, seen, optimize=True)
+    products = -shared
+    products[:, np.arange(count), np.arange(count)] += alone.T
+    variance = np.trace(products, axis1=1, axis2=2)
+    square = np.sum(products**2, axis=(1, 2))
+    if equations.prior_matrix.any():
+        inverse = inner.T @ inner / np.outer(scale, scale)
+        known = inverse @ equations.prior_matrix @ inverse
+        covariance += known
+        variance = variance + np.diag(known) * scale**2
+    freedom = np.maximum(variance, 0.0) ** 2 / np.maximum(square, np.finfo(float).tiny)
+    return covariance, np.asarray(np.maximum(freedom, 1.0))
 
 
 def excited(equations: NormalEquations, rank: int, tolerance: float) -> list[int]:
