@@ -32,6 +32,18 @@ def to_thesis_order(parameters: Array) -> Array:
     return np.asarray(parameters, dtype=float)[..., _FROM_PINOCCHIO]
 
 
+_SLIDING = {
+    "N·m": "N",
+    "N·m/rad": "N/m",
+    "N·m·s/rad": "N·s/m",
+    "rad": "m",
+    "rad/s": "m/s",
+    "rad/s²": "m/s²",
+    "kg·m²": "kg",
+}
+"""Units of what lives in a sliding joint, by those of a turning one."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """One joint as the kinematics need it: where it sits on its parent, and what it moves along or about."""
@@ -50,7 +62,11 @@ class Axis:
     @property
     def torque_unit(self) -> str:
         """Of what its motor measures: the torque of a sliding joint is a force."""
-        return "N·m" if self.revolute else "N"
+        return self.unit("N·m")
+
+    def unit(self, turning: str) -> str:
+        """The unit in which this joint has what a turning one has in ``turning``."""
+        return turning if self.revolute else _SLIDING.get(turning, turning)
 
 
 @dataclass(frozen=True)

@@ -65,11 +65,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Residual:
-    """Of one joint's torque in the compared band, N·m rms."""
+    """Of one joint's torque in the compared band, rms."""
 
     before: float
     after: float
     noise: float
+    unit: str
+    """N·m, of a sliding joint N."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Torque residual over all joints on data that the findings were not fitted to, N·m rms."""
+    """Torque residual over all joints on data that the findings were not fitted to, rms: N·m; N where all joints
+    slide."""
 
     before: float
     after: float

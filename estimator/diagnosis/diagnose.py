@@ -187,7 +187,8 @@ def _residuals(evidence: Evidence, refined: Refined) -> tuple[Residual, ...]:
     before = np.sqrt(residual_power(design, whole, np.zeros(design.size)))
     after = np.sqrt(residual_power(design, whole, refined.value))
     return tuple(
-        Residual(float(before[k]), float(after[k]), float(evidence.noise.rms[k])) for k in torque_channels(design)
+        Residual(float(before[k]), float(after[k]), float(evidence.noise.rms[k]), axis.torque_unit)
+        for k, axis in zip(torque_channels(design), design.body.axes, strict=True)
     )
 
 

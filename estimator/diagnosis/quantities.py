@@ -15,10 +15,6 @@ _STEP = 1e-3
 """Of an unknown's standard error: step of the numerical derivative."""
 
 
-_SLIDING = {"N·m": "N", "N·m/rad": "N/m", "N·m·s/rad": "N·s/m", "rad": "m", "rad/s": "m/s", "kg·m²": "kg"}
-"""Units of what lives in a sliding joint."""
-
-
 def quantities(
     hypothesis: Hypothesis, body: RigidBody, theta: Array, coefficients: Array, covariance: Array
 ) -> dict[str, Quantity]:
@@ -46,7 +42,7 @@ def quantities(
         error = np.sqrt(np.maximum(np.einsum("ak,kl,al->a", slopes[name], covariance, slopes[name]), 0.0))
         scalar = len(value) == 1
         unit = effect.units[name]
-        if place.joint is not None and effect.name != "link_inertia" and not body.axes[place.joint].revolute:
-            unit = _SLIDING.get(unit, unit)
+        if place.joint is not None and effect.name != "link_inertia":
+            unit = body.axes[place.joint].unit(unit)
         result[name] = Quantity(float(value[0]) if scalar else value, float(error[0]) if scalar else error, unit)
     return result

@@ -15,6 +15,7 @@ from estimator.diagnosis.stretches import Channel, Grid, Stretch
 from estimator.diagnosis.torques import torque_channels
 from estimator.effects import Signals
 from estimator.filtering import Decimator
+from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ _EDGE = 12
 """Rows at either end of a stretch whose decimation reaches beyond the data."""
 _UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "tau": "N·m", "t": "s"}
 _WORDS = {"q": "angle", "dq": "speed", "ddq": "acceleration", "tau": "torque", "t": "time"}
+_SLIDING = {"angle": "position", "torque": "force"}
+"""What a sliding joint has instead."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class Traces:
     Attributes:
         recording: number among those that were given.
         t: (rows,) s; a row of NaN in ``before`` and ``after`` marks a gap.
-        before, after: (rows, joints) N·m, of the given model and of the extended one.
-        noise: (joints,) N·m rms.
+        before, after: (rows, joints) N·m (N of a sliding joint), of the given model and of the extended one.
+        noise: (joints,) rms, likewise.
         signatures: one a finding, over all recordings.
     """
 
@@ -164,8 +167,9 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
     law = np.concatenate([r.law(refined, number, channel) for r in rows])
     measured = law + np.concatenate([r.residual(refined.value)[:, channel] for r in rows])
     where: Channel = refined.design.channels[channel]
-    said = f"{where.equation} of {names[where.index]}"
-    unit = "N·m" if where.equation == "torque" else "rad/s"
+    body = refined.design.body
+    said = _said(body, where.equation, where.index, names)
+    unit = body.axes[where.index].unit("N·m" if where.equation == "torque" else "rad/s")
     against = hypothesis.effect.seen_against
     joint = hypothesis.place.joint
     if against == "law" or (joint is None and against != "t"):
@@ -173,10 +177,16 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
     curve = np.concatenate([r.curve(refined, number, channel) for r in rows])
     if joint is None or against == "t":
         x, whole = (np.concatenate(parts) for parts in ([r.t for r in rows], [r.signals.t for r in rows]))
-        quantity = _WORDS["t"]
+        quantity, x_unit = _WORDS["t"], _UNITS["t"]
     else:
         x = np.concatenate([r.quantity(against, joint) for r in rows])
         whole = np.concatenate([r.values(against)[:, joint] for r in rows])
-        quantity = f"{_WORDS[against]} of {names[joint]}"
+        quantity = _said(body, _WORDS[against], joint, names)
+        x_unit = body.axes[joint].unit(_UNITS[against])
     few = slice(None, None, max(1, len(whole) // _CURVE))
-    return Signature(quantity, _UNITS[against], said, unit, x, measured, law, whole[few], curve[few])
+    return Signature(quantity, x_unit, said, unit, x, measured, law, whole[few], curve[few])
+
+
+def _said(body: RigidBody, word: str, joint: int, names: Sequence[str]) -> str:
+    """``torque of elbow``, of a sliding joint ``force of slide``."""
+    return f"{word if body.axes[joint].revolute else _SLIDING.get(word, word)} of {names[joint]}"

@@ -104,6 +104,7 @@ def _simulated(given: ArmModel, extended: ArmModel, read: ReadRecordings, notes:
             joint: {"before_rms": _of(replayed.before, k), "after_rms": _of(replayed.after, k)}
             for k, joint in enumerate(read.body.joints)
         },
+        "unit": ", ".join(dict.fromkeys("rad" if axis.revolute else "m" for axis in read.body.axes)),
         "controller": replayed.controller,
         "seconds": replayed.seconds,
     }

@@ -24,7 +24,7 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
             for joint, left in diagnosis.unexplained.items()
         },
         "torque_residual": {
-            joint: {"before_rms": r.before, "after_rms": r.after, "noise_rms": r.noise}
+            joint: {"before_rms": r.before, "after_rms": r.after, "noise_rms": r.noise, "unit": r.unit}
             for joint, r in zip(joints, diagnosis.torque_residual, strict=True)
         },
         "gain": {
@@ -32,6 +32,7 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
                 "before_rms": diagnosis.held_out.before,
                 "after_rms": diagnosis.held_out.after,
                 "share_of_explainable": diagnosis.held_out.share_of_explainable,
+                "unit": _common([r.unit for r in diagnosis.torque_residual]),
             },
             "simulation": None,
         },
@@ -80,6 +81,11 @@ def _finding(finding: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "next_experiment": None if finding.next_experiment is None else experiment(finding.next_experiment),
     }
+
+
+def _common(units: Sequence[str]) -> str:
+    """Of a mean over joints; ``N·m, N`` where they turn and slide."""
+    return ", ".join(dict.fromkeys(units))
 
 
 def _joint(place: Place, joints: Sequence[str]) -> str | None:

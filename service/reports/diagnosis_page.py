@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from estimator.diagnosis.traces import Traces
+from service.reports.diagnosis_experiments import experiments_section, open_question
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
 from service.reports.link_tables import figure
 from service.reports.page import Html, badge, element, folded, html, joined, page, section, table
@@ -29,6 +30,7 @@ def diagnosis_page(answer: Answer, traces: Traces | None) -> str:
     held_out = answer["gain"]["held_out_torque"]
     sections = [_finding(number, finding, traces) for number, finding in enumerate(answer["findings"])]
     sections += [_unexplained(answer)] if answer["unexplained"] else []
+    sections += [experiments_section(answer["experiments"])] if answer["experiments"] else []
     if traces is not None:
         sections.append(_residual(answer, traces))
     sections += [_gain(answer), _detectable(answer), _provenance(answer)]
@@ -55,7 +57,8 @@ def _lead(answer: Answer) -> Html:
         count = len(summary)
         text = (
             f"{'One cause' if count == 1 else f'{count} causes'} found. On motion that was not learnt from, the torque "
-            f"residual falls from {figure(held_out['before_rms'])} to {figure(held_out['after_rms'])} N·m rms: "
+            f"residual falls from {figure(held_out['before_rms'])} to {figure(held_out['after_rms'])} "
+            f"{held_out['unit']} rms: "
             + (
                 "that motion shows nothing beyond the noise."
                 if share is None
@@ -99,7 +102,7 @@ def _next(finding: Mapping[str, Any]) -> Html:
     experiment = finding["next_experiment"]
     if not experiment:
         return Html("")
-    return element("p", element("b", "To decide: "), f"{experiment['sentence']}.", of="next")
+    return element("p", element("b", "To decide: "), *open_question(experiment), of="next")
 
 
 def _unexplained(answer: Answer) -> Html:
@@ -122,9 +125,14 @@ def _residual(answer: Answer, traces: Traces) -> Html:
     )
     return section(
         "Torque residual, before and after",
-        element("div", residual_figure(traces, list(answer["torque_residual"])), of="wide"),
+        element("div", residual_figure(traces, _units(answer)), of="wide"),
         caption,
     )
+
+
+def _units(answer: Answer) -> dict[str, str]:
+    """Of each joint's torque."""
+    return {joint: r["unit"] for joint, r in answer["torque_residual"].items()}
 
 
 def _gain(answer: Answer) -> Html:
@@ -134,15 +142,17 @@ def _gain(answer: Answer) -> Html:
         bars = (("before", 1.0), ("after", r["after_rms"] / largest), ("noise", r["noise_rms"] / largest))
         bar = "".join(f'<i class="{name}" style="width:{100 * min(1.0, share):.1f}%"></i>' for name, share in bars)
         numbers = [figure(r[key]) for key in ("before_rms", "after_rms", "noise_rms")]
-        rows.append([joint, *numbers, Html(f'<div class="bar">{bar}</div>')])
+        rows.append([joint, *numbers, r["unit"], Html(f'<div class="bar">{bar}</div>')])
     held_out = answer["gain"]["held_out_torque"]
     rows.append([element("b", "held out"), figure(held_out["before_rms"]), figure(held_out["after_rms"]), "",
-                 f"{_percent(held_out['share_of_explainable'])} of the explainable"])  # fmt: skip
+                 held_out["unit"], f"{_percent(held_out['share_of_explainable'])} of the explainable"])  # fmt: skip
     simulation = answer["gain"]["simulation"]
     if simulation:
-        off = [f"{figure(simulation[key])} rad" for key in ("position_before_rms", "position_after_rms")]
-        rows.append([element("b", "simulated position"), *off, "", "the twin with the recorded commands"])
-    headings = ["joint", "before [N·m rms]", "after", "noise", "red: what is left; black mark: the noise"]
+        off = [
+            f"{figure(simulation[key])} {simulation['unit']}" for key in ("position_before_rms", "position_after_rms")
+        ]
+        rows.append([element("b", "simulated position"), *off, "", "", "the twin with the recorded commands"])
+    headings = ["joint", "before, rms", "after", "noise", "unit", "red: what is left; black mark: the noise"]
     return section("What it gains", table(headings, rows, numbers=(1, 2, 3)))
 
 

@@ -20,20 +20,21 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
         for finding in answer["findings"]
         if finding["next_experiment"]
     ]
-    shown += [_played(one) for one in answer.get("experiments", [])]
+    shown += [_played(one) for one in answer["experiments"]]
     shown.append(_residuals(answer["torque_residual"]))
     held_out = answer["gain"]["held_out_torque"]
     share = held_out["share_of_explainable"]
     explained = "nothing beyond the noise" if share is None else f"{100 * share:.0f} % of what can be explained"
     shown.append(
-        f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} N·m rms, "
+        f"on data left out, all joints: {figure(held_out['before_rms'])} → {figure(held_out['after_rms'])} "
+        f"{held_out['unit']} rms, "
         f"{explained}"
     )
     simulation = answer["gain"]["simulation"]
     if simulation is not None:
         shown.append(
             f"simulated under {simulation['controller']}: angles off by {figure(simulation['position_before_rms'])} → "
-            f"{figure(simulation['position_after_rms'])} rad rms"
+            f"{figure(simulation['position_after_rms'])} {simulation['unit']} rms"
         )
     if answer["model"] is not None:
         shown.append(f"model {answer['model_name']}: {answer['model']}")
@@ -72,8 +73,9 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
     return table
 
 
-def _residuals(residuals: dict[str, dict[str, float]]) -> Table:
-    table = Table("torque residual [N·m rms]", "before", "after", "noise", box=None)
+def _residuals(residuals: dict[str, dict[str, Any]]) -> Table:
+    table = Table("torque residual, rms", "before", "after", "noise", "unit", box=None)
     for joint, r in residuals.items():
-        table.add_row(joint, figure(r["before_rms"]), figure(r["after_rms"]), figure(r["noise_rms"]))
+        numbers = (figure(r[key]) for key in ("before_rms", "after_rms", "noise_rms"))
+        table.add_row(joint, *numbers, r["unit"])
     return table

@@ -57,12 +57,12 @@ def _residuals(answer: Answer) -> Html:
     return section("Torque residual", *parts)
 
 
-def _residual_table(residuals: Mapping[str, Mapping[str, float]]) -> Html:
+def _residual_table(residuals: Mapping[str, Mapping[str, Any]]) -> Html:
     rows = [
-        [joint, figure(r["rms"]), f"{100 * r['relative']:.2f} %", figure(r["noise_rms"])]
+        [joint, figure(r["rms"]), f"{100 * r['relative']:.2f} %", figure(r["noise_rms"]), r["unit"]]
         for joint, r in residuals.items()
     ]
-    return table(["joint", "rms [N·m]", "of the torque", "noise rms [N·m]"], rows, numbers=(1, 2, 3))
+    return table(["joint", "rms", "of the torque", "noise rms", "unit"], rows, numbers=(1, 2, 3))
 
 
 def _parameters(answer: Answer) -> Html:

@@ -34,6 +34,10 @@ def test_emps_rubs_more_one_way_than_the_other() -> None:
         unit, published = EMPS[name]
         assert first.parameters[name].unit == unit
         assert number(first, name) == pytest.approx(published, rel=0.06)
+    assert found.torque_residual[0].unit == "N"
+    drawn = found.traces.signatures[0]
+    assert (drawn.quantity, drawn.unit) == ("speed of axis", "m/s")
+    assert (drawn.channel, drawn.channel_unit) == ("force of axis", "N")
     judged = emps().recordings["emps"]
     power = float(np.mean(convolve(judged.tau, plan_filter(judged.rate, found.band).smooth) ** 2))
     assert found.held_out.after < 0.032 * np.sqrt(power)

@@ -76,7 +76,7 @@ def answer() -> dict[str, Any]:
         "share_of_explainable": 0.9,
         "evidence": {"log_likelihood_gain": 812.0, "false_alarm_probability": 1e-9},
         "alternatives": [{"effect": "presliding", "joint": "elbow", "channel": None, "log_likelihood_gap": 1.2}],
-        "next_experiment": {"sentence": "move joint elbow in micro-reversals"},
+        "next_experiment": {"sentence": "move joint elbow in micro-reversals", "motion": None, "predicted_gap": None},
     }
     return {
         "arm": "two <links>",
@@ -86,16 +86,17 @@ def answer() -> dict[str, Any]:
         "findings": [finding],
         "unexplained": {"shoulder": {"share": 0.42, "signature": "lives at 3.2 per turn"}},
         "torque_residual": {
-            "shoulder": {"before_rms": 0.1, "after_rms": 0.1, "noise_rms": 0.1},
-            "elbow": {"before_rms": 1.5, "after_rms": 0.1, "noise_rms": 0.1},
+            "shoulder": {"before_rms": 0.1, "after_rms": 0.1, "noise_rms": 0.1, "unit": "N·m"},
+            "elbow": {"before_rms": 1.5, "after_rms": 0.1, "noise_rms": 0.1, "unit": "N·m"},
         },
         "gain": {
-            "held_out_torque": {"before_rms": 1.06, "after_rms": 0.11, "share_of_explainable": 0.97},
+            "held_out_torque": {"before_rms": 1.06, "after_rms": 0.11, "share_of_explainable": 0.97, "unit": "N·m"},
             "simulation": None,
         },
         "smallest_detectable": {"viscous_friction": {"shoulder": 0.031, "elbow": 0.027}, "base_tilt": {"arm": 0.002}},
         "model": None,
         "band_hz": 10.0,
+        "experiments": [],
         "notes": ["noise from 6 playings of 3 repeated motions"],
         "report": None,
     }
@@ -118,6 +119,42 @@ def test_the_page_says_what_was_found_how_sure_and_what_to_do_next(answer: dict[
         "noise from 6 playings".capitalize(),
     ):
         assert said in words, said
+
+
+def test_the_page_says_what_was_played_and_what_it_decided(answer: dict[str, Any], traces: Traces) -> None:
+    assert "What was played" not in diagnosis_page(answer, traces)
+    rivals = [
+        {"effect": "coulomb_friction", "joint": "elbow", "other": None, "channel": None},
+        {"effect": "transport_delay", "joint": None, "other": None, "channel": "velocity"},
+    ]
+    played = [
+        {"motion": f"/there/experiment-{k}.toml", "between": rivals, "predicted_gap": 41.0, "gap": gap}
+        for k, gap in enumerate((38.2, 1.1, None), 1)
+    ]
+    answer["experiments"] = played
+    answer["findings"][0]["next_experiment"] |= {"motion": "/there/experiment-4.toml", "predicted_gap": 12.5}
+    words = " ".join(" ".join(Outline(diagnosis_page(answer, traces)).words).split())
+    for said in (
+        "coulomb friction of elbow · transport delay of velocity channel",
+        "experiment-1",
+        "41 38.2 decided",
+        "41 1.1 still open",
+        "41 – none of them is left",
+        "etude run /there/experiment-4.toml",
+        "apart by 12.5 nats",
+    ):
+        assert said in words, said
+
+
+def test_a_sliding_joint_s_residual_is_a_force(answer: dict[str, Any], traces: Traces) -> None:
+    answer["torque_residual"]["elbow"]["unit"] = "N"
+    answer["gain"]["held_out_torque"]["unit"] = "N·m, N"
+    outline = Outline(diagnosis_page(answer, traces))
+    assert "N·m, N rms" in " ".join(" ".join(outline.words).split())
+    assert "N" in outline.words
+    drawn = residual_figure(traces, {"shoulder": "N·m", "elbow": "N"})
+    assert "[N]" in drawn
+    assert "[N·m]" in drawn
 
 
 def test_names_cannot_break_the_page(answer: dict[str, Any], traces: Traces) -> None:
@@ -148,7 +185,7 @@ def test_figures_are_svg_that_stays_the_same_and_whose_parts_have_names_of_their
         signature_figure(0, signature),
         signature_figure(1, signature),
         alternatives_figure(0, "cogging · elbow", [{"effect": "x", "joint": None, "log_likelihood_gap": 2000.0}]),
-        residual_figure(traces, ["shoulder", "elbow"]),
+        residual_figure(traces, {"shoulder": "N·m", "elbow": "N·m"}),
     ]
     for figure in figures:
         assert ElementTree.fromstring(figure).get("role") == "img"
@@ -213,7 +250,7 @@ def test_plain_text_is_escaped_and_html_is_not() -> None:
 
 
 def links_answer(plot: Path) -> dict[str, Any]:
-    residual = {"elbow": {"rms": 0.3, "relative": 0.012, "noise_rms": 0.2}}
+    residual = {"elbow": {"rms": 0.3, "relative": 0.012, "noise_rms": 0.2, "unit": "N·m"}}
     return {
         "arm": "dda",
         "status": "identified",
