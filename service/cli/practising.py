@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
+from config.errors import InputError
 from service import outcomes
 from service.cli.asking import ModeOption, conduct, model_reference, motion_reference
 from service.cli.console import publish
-from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_start
+from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_start, refuse
 
 MotionArgument = Annotated[str, typer.Argument(metavar="MOTION", help="A motion's name, or its file.")]
 ModelOption = Annotated[
@@ -50,7 +51,11 @@ def certify(
 
 
 def practise(
-    motion: MotionArgument,
+    motion: Annotated[str | None, typer.Argument(metavar="[MOTION]", help="A motion's name, or its file.")] = None,
+    task: Annotated[
+        str | None,
+        typer.Option("--task", metavar="FILE", help="In place of a motion: hit a point at a time, carry a payload."),
+    ] = None,
     trials: Annotated[int, typer.Option("--trials", help="Most practice movements.", min=1, max=100)] = 10,
     replays: Annotated[
         int,
@@ -73,7 +78,19 @@ def practise(
     attached: AttachedOption = False,
     json: JsonOption = None,
 ) -> None:
-    """Practise a motion until it is as good as the arm repeats itself."""
+    """Practise a motion until it is as good as the arm repeats itself, or a task until its miss is chance."""
+    if (motion is None) == (task is None):
+        raise InputError("practise", "needs a MOTION or a --task, one of the two", "name what is to be practised")
+    if task is not None:
+        refuse(
+            [("--band", band_hz), ("--hand-picked", hand_picked_hz), ("--resume", resume)]
+            + [("--operator", operator != "thesis")],
+            "goes with a motion",
+            "leave it out",
+        )
+        _learn_task(task, {"model": model_reference(model), "mode": mode}, trials, replays, arm, attached, json)
+        return
+    assert motion is not None
     from service.practice.answers import practice_report
 
     asked = {
@@ -90,6 +107,22 @@ def practise(
     }
     answer = conduct(arm, "practise", asked)
     publish(answer, json, *practice_report(answer))
+
+
+def _learn_task(
+    task: str,
+    asked: dict[str, object],
+    trials: int,
+    replays: int,
+    arm: str | None,
+    attached: bool,
+    json: str | None,
+) -> None:
+    from service.reports.task_plot import task_report
+
+    asked |= {"task": str(Path(task).absolute()), "trials": trials, "replays": replays, "attached": attached}
+    answer = conduct(arm, "learn_task", asked)
+    publish(answer, json, *task_report(answer))
 
 
 def retime(

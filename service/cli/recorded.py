@@ -162,6 +162,10 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
         from service.practice.answers import practice_report
 
         lines += practice_report(result)
+    elif result is not None and record.kind == "learn-task":
+        from service.reports.task_plot import task_report
+
+        lines += task_report(result)
     elif result is not None and record.kind == "compare-controllers":
         from service.reports.controller_plot import controller_report
 

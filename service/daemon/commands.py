@@ -17,6 +17,7 @@ from service.sessions.conductor import Conductor
 from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm
 from service.sessions.identify_links import IdentifyLinks, IdentifyLinksArguments
 from service.sessions.identify_load import IdentifyLoad, IdentifyLoadArguments
+from service.sessions.learn_task import LearnTask, LearnTaskArguments
 from service.sessions.practise import Practise
 from service.sessions.procedure import Procedure
 from service.sessions.run_motion import RunArguments, RunMotion
@@ -38,6 +39,7 @@ SESSIONS: dict[str, SessionKind[Any]] = {
     "identify_load": SessionKind(IdentifyLoadArguments, IdentifyLoad),
     "diagnose": SessionKind(DiagnoseArguments, DiagnoseArm),
     "practise": SessionKind(PracticeArguments, Practise),
+    "learn_task": SessionKind(LearnTaskArguments, LearnTask),
     "compare_controllers": SessionKind(CompareArguments, CompareControllers),
 }
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import Installation
-from config.motion import check_motion, load_motion, sample
+from config.motion import Motion, check_motion, load_motion, sample
 from config.schema import Mode
 from driver.plan import Plan
 from learner.constrained import TorqueLimits
@@ -63,7 +63,11 @@ def practised_motion(name: str, installation: Installation, mode: Mode) -> Pract
 
     Raises InputError when there is no such motion, or it leaves a limit (where, by how much, the speed that fits).
     """
-    motion = load_motion(name, installation)
+    return practised_of(load_motion(name, installation), installation, mode)
+
+
+def practised_of(motion: Motion, installation: Installation, mode: Mode) -> Practised:
+    """The same of a motion that is in no file."""
     rate = installation.cycle.rate_hz
     sampled = sample(motion, rate)
     check_motion(sampled, installation, motion.name)

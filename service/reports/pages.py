@@ -12,6 +12,7 @@ from service.reports.links_page import links_page
 from service.reports.load_page import load_page
 from service.reports.page import write_page
 from service.reports.practice_page import controllers_page, practice_page
+from service.reports.task_plot import task_page
 
 __all__ = ["page_of", "page_of_file"]
 
@@ -27,6 +28,8 @@ def page_of(answer: dict[str, Any], directory: Path) -> str | None:
         return load_page(answer)
     if "repeatability" in answer and "plot" in answer:
         return practice_page(answer)
+    if "task" in answer and "trials" in answer:
+        return task_page(answer)
     if "controllers" in answer:
         return controllers_page(answer)
     return None

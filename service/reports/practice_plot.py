@@ -23,7 +23,7 @@ def plot_practice(
     """Raises InputError when the file cannot be written."""
     n = len(joints)
     fig, axes = figure(n + 2, f"{motion}: practised with the {certificate.operator} operator", shared=False)
-    plot_curves(axes[0], {"trial filter" if certificate.admitted else "": _ratios(practice)})
+    plot_curves(axes[0], {"trial filter" if certificate.admitted else "": [_ratios(practice)]})
     t = np.arange(task.reference.samples) * task.reference.period
     gain = axes[1]
     gain.loglog(certificate.frequencies, np.maximum(certificate.gain, 1e-3), color=ACCENT)
@@ -42,18 +42,21 @@ def plot_practice(
     finish(fig, path)
 
 
-def plot_operators(path: Path, title: str, curves: Mapping[str, Sequence[float]]) -> None:
-    """Learning curves of several operators in one panel: worst joint's velocity error over repeatability."""
+def plot_operators(path: Path, title: str, curves: Mapping[str, Sequence[Sequence[float]]]) -> None:
+    """Learning curves of several operators in one panel: worst joint's velocity error over repeatability. Each has a
+    curve for every time that it was practised anew."""
     fig, axes = figure(1, title)
     plot_curves(axes[0], curves)
     finish(fig, path)
 
 
-def plot_curves(axis: Any, curves: Mapping[str, Sequence[float]]) -> None:
+def plot_curves(axis: Any, curves: Mapping[str, Sequence[Sequence[float]]]) -> None:
     """Error over repeatability by trial, 0 being the model's feedforward."""
     colours = (ACCENT, *OTHER_COLOURS)
-    for k, (name, ratios) in enumerate(curves.items()):
-        axis.semilogy(range(len(ratios)), ratios, marker="o", ms=3, color=colours[k % len(colours)], label=name or None)
+    for k, (name, repeats) in enumerate(curves.items()):
+        for again, ratios in enumerate(repeats):
+            label = name if name and not again else None
+            axis.semilogy(range(len(ratios)), ratios, marker="o", ms=3, color=colours[k % len(colours)], label=label)
     axis.axhline(1.0, color="black", lw=0.8, label="repeatability")
     axis.set_ylabel("velocity error RMS\n÷ repeatability")
     axis.set_xlabel("practice movements")

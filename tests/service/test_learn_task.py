@@ -1,0 +1,89 @@
+"""Tasks learnt by a few parameters, through the stand-in arm: a point hit at a time, an unknown payload carried."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from config import InputError, load_installation
+from learner.tool_point import ToolPoint
+from service import outcomes
+from service.practice.inverse_models import load_inverse_model
+from service.practice.task_file import load_task
+from service.reports import pages
+
+pytestmark = pytest.mark.timeout(300)
+HIT = """
+kind = "hit"
+start_rad = [1.5, 3.5, 2.0]
+end_rad = [4.0, 1.8, 0.3]
+point_m = [0.3, 0.25, 1.2]
+at_s = 0.5
+duration_s = 1.1
+"""
+CARRY = """
+kind = "carry"
+motion = "swing.toml"
+"""
+SWING = """
+kind = "polynomial"
+way_points_rad = [[3.58, 2.69, 1.75], [3.0, 2.0, 0.6], [3.58, 2.69, 1.75]]
+duration_s = [0.8, 0.8]
+"""
+
+
+@pytest.fixture
+def hit(tmp_path: Path) -> Path:
+    path = tmp_path / "hit.toml"
+    path.write_text(HIT)
+    return path
+
+
+def test_a_point_is_hit_at_a_time(running_house: Any, hit: Path) -> None:
+    answer = running_house.answer("practise", "--task", str(hit), "--trials", "5")
+    misses = [math.hypot(*trial["miss"].values()) for trial in answer["trials"]]
+    assert misses[0] > 1e-3
+    assert misses[-1] < 0.1 * misses[0]
+    assert "chance" in answer["stopped_because"]
+    tool = ToolPoint(load_inverse_model(None, load_installation("dda")).model.body, "tool")
+    aim = np.array(list(answer["trials"][0]["parameters"].values()))
+    np.testing.assert_allclose(tool.at(aim), [0.3, 0.25, 1.2], atol=1e-6)
+    report = running_house.answer("report", "last")
+    page = pages.page_of(report["result"], Path(report["directory"]))
+    assert page is not None
+    assert "aim_joint1" in page
+    assert "aim_joint1" in running_house.etude("report", "last").stdout
+
+
+def test_an_unknown_payload_is_carried(house: Any, start: Any, tmp_path: Path) -> None:
+    """The block of Table 3.1: 1.106 kg, 47 mm outside the tool's frame along its z."""
+    (tmp_path / "swing.toml").write_text(SWING)
+    (tmp_path / "carry.toml").write_text(CARRY)
+    start("virtual", "--config", "dda", "--lockstep")
+    start("daemon", "--config", "dda", "--lockstep")
+    model = house.answer("identify", "links")["model"]
+    bare = house.answer("practise", "--task", str(tmp_path / "carry.toml"), "--model", model, "--trials", "3")
+    assert abs(bare["trials"][-1]["parameters"]["mass"]) < 0.1
+
+
+def test_what_a_task_file_gets_wrong_is_named(hit: Path, house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    from service.cli.entry import run
+
+    installation = load_installation("dda")
+    for was, is_now, said in (
+        ("at_s = 0.5", "at_s = 1.2", "at_s"),
+        ("1.5, 3.5, 2.0", "1.5, 3.5", "start_rad"),
+        ('"hit"', '"catch"', "choose one of hit, carry"),
+        ("at_s", "at", "at"),
+    ):
+        hit.write_text(HIT.replace(was, is_now))
+        with pytest.raises(InputError, match=said):
+            load_task(str(hit), installation)
+    assert run(["practise"]) == outcomes.BAD_INPUT
+    assert run(["practise", "dda-practice", "--task", str(hit)]) == outcomes.BAD_INPUT
+    assert run(["practise", "--task", str(hit), "--resume", "x"]) == outcomes.BAD_INPUT
+    assert "--resume" in capsys.readouterr().err
