@@ -23,6 +23,8 @@ from service.practice.tasks import Numbers, model_feedforward
 
 Array = NDArray[np.float64]
 REACH = np.array([20.0, 4.0, 4.0, 4.0])
+PASSES = 4
+"""The first weighs the joints by what the payload itself does to them; the last ones by what it leaves."""
 SMALLEST = 1e-6
 """Of each parameter, where replays are alike to the last bit."""
 
@@ -57,14 +59,18 @@ class Carrying:
         return model_feedforward(self.model, practised) + self._columns(*exact) @ parameters
 
     def outcome(self, trial: Trial, parameters: Array) -> Array:
-        """(4,) payload that the plan lacks, by least squares over the moving samples, each joint by its own scatter."""
-        done = self._kinematics.at_torques(trial.q, trial.dq)
-        left = trial.tau - self.model.torque(*done) - self._columns(*done) @ parameters
+        """(4,) payload that the plan lacks, by least squares over the moving samples, each joint by what is left."""
         moving = self._practised.reference.moving
-        columns = self._columns(*done)[moving]
-        weight = 1.0 / np.maximum(np.std(left[moving], axis=0), 1e-6)
-        rows = (columns * weight[None, :, None]).reshape(-1, 4)
-        return np.asarray(np.linalg.lstsq(rows, (left[moving] * weight).ravel(), rcond=None)[0])
+        done = self._kinematics.at_torques(trial.q, trial.dq)
+        columns = self._columns(*done)
+        lacking = (trial.tau - self.model.torque(*done) - columns @ parameters)[moving]
+        columns, left, found = columns[moving], lacking, np.zeros(4)
+        for _ in range(PASSES):
+            weight = 1.0 / np.maximum(np.std(left, axis=0), SMALLEST)
+            rows = (columns * weight[None, :, None]).reshape(-1, 4)
+            found = np.asarray(np.linalg.lstsq(rows, (lacking * weight).ravel(), rcond=None)[0])
+            left = lacking - columns @ found
+        return found
 
     def _columns(self, q: Array, dq: Array, ddq: Array) -> Array:
         """(samples, n, 4) N·m per unit of each parameter."""
