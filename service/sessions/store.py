@@ -21,6 +21,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from config import InputError
+from driver.recording import recover
 from service.answers import finite
 
 log = logging.getLogger(__name__)
@@ -191,9 +192,16 @@ class SessionStore:
                 log.warning("left out: %s", problem)
 
     def end_abandoned(self) -> list[str]:
-        """Mark sessions that a daemon left running when it died; returns their ids. Needs the arm's lock."""
+        """Make readable what sessions had recorded that a daemon left running when it died, and mark them as
+        interrupted; returns their ids. Needs the arm's lock."""
         abandoned = [s for s in self.all() if s.record.state == "running"]
         for session in abandoned:
+            # Also those that were begun and not yet listed. Only then the mark: whoever dies here is followed too.
+            for path in sorted(session.directory.glob("*.mcap")):
+                try:
+                    log.info("%s", recover(path).sentence)
+                except InputError as problem:
+                    log.warning("not recovered: %s", problem)
             session.end("interrupted", "the daemon ended before the session did")
         return [s.id for s in abandoned]
 
