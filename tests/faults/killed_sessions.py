@@ -31,7 +31,7 @@ from service.sessions.store import Session, SessionStore
 
 ARM = "dda"
 VICTIMS = ("daemon", "loop", "recorder", "all")
-LONGEST_S = 120.0
+LONGEST_S = 300.0
 JITTER_S = 0.15
 """Between a stage's share being told and the kill, at most: what happens between two tidings is hit too."""
 ENDED = frozenset({"done", "stopped", "failed", "interrupted"})

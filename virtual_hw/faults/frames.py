@@ -11,7 +11,9 @@ from virtual_hw.bus.frames import CAN_FRAME
 from virtual_hw.bus.wire import Bus, Controller
 from virtual_hw.faults.fault import JointFault, Stage
 
-FrameName = Literal["feedback", "command", "sync", "heartbeat", "emergency", "sdo_answer", "sdo_request"]
+FrameName = Literal[
+    "feedback", "command", "sync", "heartbeat", "host_heartbeat", "emergency", "sdo_answer", "sdo_request"
+]
 _BASES = {
     "feedback": (0x180, 0x280, 0x380, 0x480),
     "command": (0x200, 0x300, 0x400, 0x500),
@@ -23,7 +25,8 @@ _BASES = {
 
 
 class FrameFault(JointFault):
-    """Acts on frames to or from one joint's drive; ``sync`` means those of its bus. ``only_first`` stops after one."""
+    """Acts on frames to or from one joint's drive; ``sync`` means those of its bus, ``host_heartbeat`` the one that the
+    drive watches (1016:01). ``only_first`` stops after one."""
 
     frame: FrameName
     only_first: bool = False
@@ -32,7 +35,13 @@ class FrameFault(JointFault):
 
     def begin(self, stage: Stage) -> None:
         node = stage.node(self.joint)
-        ids = (0x080,) if self.frame == "sync" else [base + node.node_id for base in _BASES[self.frame]]
+        if self.frame == "sync":
+            ids = [0x080]
+        elif self.frame == "host_heartbeat":
+            watched = node.store.values[node.store.slot(0x1016, 1)]
+            ids = [0x700 + (watched >> 16 & 0x7F)]
+        else:
+            ids = [base + node.node_id for base in _BASES[self.frame]]
         self._identifiers = frozenset(can_id.to_bytes(4, "little") for can_id in ids)
         node.bus.tampers.append(self._tamper)
 
