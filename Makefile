@@ -39,8 +39,8 @@ campaign: install  ## the hidden-effect campaign: how often the diagnosis is rig
 faults: install  ## inject every fault, print what was seen of it; SOCKETCAN=1: on SocketCAN too
 	$(BIN)/python -m tests.faults
 	$(if $(SOCKETCAN),tests/vcan/guest --timeout 3600 --interfaces "vcan0 vcan1 vcan2" -- $(BIN)/python -m tests.faults --socketcan)
-	ETUDE_FAULTS=full $(BIN)/pytest -q tests/faults/test_spoilt_streams.py tests/faults/test_random_commands.py \
-		tests/faults/test_long_run.py tests/driver/test_killed_while_writing.py tests/service/test_strangers.py
+	ETUDE_FAULTS=full $(BIN)/pytest -q -s tests/faults/test_spoilt_streams.py tests/faults/test_random_commands.py \
+		tests/faults/test_killed_sessions.py tests/faults/test_long_run.py tests/driver/test_killed_while_writing.py tests/service/test_strangers.py
 
 lock:  ## resolve the dependencies again
 	$(PYTHON) -m venv .venv/lock && .venv/lock/bin/pip install --quiet uv

@@ -23,7 +23,7 @@ from driver.bus.frames import FRAME
 from driver.cyclic.cycle import LoopState
 from tests.faults.bench import Bench, Published, commissioned, standing_in
 
-pytestmark = pytest.mark.timeout(3600)
+pytestmark = pytest.mark.timeout(7200)
 FULL = os.environ.get("ETUDE_FAULTS") == "full"
 SECONDS = 3600.0 if FULL else 11.0
 WARM = 0.25
