@@ -2,6 +2,16 @@
 
 from estimator.plausibility.cut_off import cut_off, dead
 from estimator.plausibility.doubt import Doubt, Kind
-from estimator.plausibility.examine import examine, without_unusable_torques
+from estimator.plausibility.examine import examine, examine_motion, without_unusable_torques
+from estimator.plausibility.wrench import readable_wrench
 
-__all__ = ["Doubt", "Kind", "cut_off", "dead", "examine", "without_unusable_torques"]
+__all__ = [
+    "Doubt",
+    "Kind",
+    "cut_off",
+    "dead",
+    "examine",
+    "examine_motion",
+    "readable_wrench",
+    "without_unusable_torques",
+]

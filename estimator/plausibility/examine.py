@@ -64,12 +64,9 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool 
     by the URDF's masses where it has some. ``believed``: these masses are no first guess but the model that is to be
     judged, so that what contradicts them all is of another arm, in another unit, or misread.
     """
-    doubts = velocity_against_angle(body, trajectories)
+    doubts = examine_motion(body, trajectories)
     shot = take(trajectories)
     if doubts or shot is None:
-        return doubts
-    doubts = speed_against_limits(body, shot)
-    if doubts:
         return doubts
     base = base_parameters(body)
     found = fit(body, base, shot)
@@ -80,6 +77,13 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool 
         doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
         return doubts or _against_model(GivenModel(body, base), trajectories, thinned(shot))
     return doubts or torque_against_masses(body, shot)
+
+
+def examine_motion(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
+    """What is wrong with angles and velocities alone: their units, by each other and by the URDF's limits."""
+    doubts = velocity_against_angle(body, trajectories)
+    shot = take(trajectories)
+    return doubts if doubts or shot is None else speed_against_limits(body, shot)
 
 
 def _against_model(model: GivenModel, trajectories: Sequence[Trajectory], shot: Snapshot) -> list[Doubt]:

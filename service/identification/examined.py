@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from config import InputError
-from estimator.plausibility import examine, without_unusable_torques
+from estimator.plausibility import Doubt, examine, examine_motion, without_unusable_torques
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -26,8 +26,22 @@ def examined(
         names = ", ".join(Path(trajectory.name).name for trajectory in trajectories)
         raise InputError(names, "no torque ever changes", "record the torques of the joints in N·m")
     doubts += examine(body, usable, believed)
+    _refuse_what_is_wrong(doubts, trajectories)
+    return usable, [str(doubt) for doubt in doubts]
+
+
+def examined_motion(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[str]:
+    """Of recordings whose torques are not read: a sentence for each thing that is doubtful about the motion.
+
+    Raises InputError when its units are wrong beyond doubt.
+    """
+    doubts = examine_motion(body, trajectories)
+    _refuse_what_is_wrong(doubts, trajectories)
+    return [str(doubt) for doubt in doubts]
+
+
+def _refuse_what_is_wrong(doubts: Sequence[Doubt], trajectories: Sequence[Trajectory]) -> None:
     for doubt in doubts:
         if doubt.wrong:
             names = ", ".join(Path(trajectory.name).name for trajectory in trajectories)
             raise InputError(names, doubt.problem, doubt.remedy)
-    return usable, [str(doubt) for doubt in doubts]

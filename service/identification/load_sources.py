@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from config import InputError, Installation
 from driver.recording import Recording
 from estimator.loads import LoadRecording, RigidLoad, Tare, align_wrench, tare
+from estimator.plausibility import readable_wrench
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
@@ -69,6 +70,10 @@ def read_load_sources(request: LoadRequest, paths: Sequence[Path]) -> LoadSource
                 "give recordings of the same joints",
             )
         notes += [f"{path.name}: {note}" for note in recording.notes]
+        if recording.wrench is not None and recording.wrench_t is not None:
+            wrench, left_out = readable_wrench(path.name, recording.wrench_t, recording.wrench)
+            recording = replace(recording, wrench=wrench)
+            notes += left_out
         read.append(recording)
     assert arm is not None
     assert body is not None

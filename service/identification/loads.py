@@ -6,7 +6,7 @@ The same function serves the command line, in its own process, and the daemon, i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from estimator.loads import (
     wrench_history,
 )
 from estimator.loads.layout import Offset
+from service.identification.examined import examined_motion
 from service.identification.load_file import read_one_load, write_load
 from service.identification.load_judgement import judged
 from service.identification.load_sources import LoadSources, read_load_sources, tare_of, with_wrench
@@ -87,10 +88,11 @@ def identify(request: LoadRequest, tell: Tell = lambda stage, share: None) -> Lo
 def _from_wrenches(request: LoadRequest, read: LoadSources) -> LoadOutcome:
     count = len(request.recordings)
     recordings = [with_wrench(read, number) for number in range(count)]
+    doubts = examined_motion(read.body, [recording.motion for recording in recordings])
     hand = None if request.hand is None else read_one_load(request.hand)
     tares = [tare_of(read, number, hand) for number in range(count, count + len(request.tares))]
     if request.form == "static":
-        return _static(request, read, recordings, hand, tares)
+        return _with_doubts(_static(request, read, recordings, hand, tares), doubts)
     options = LoadOptions(
         form=request.form,
         offset=_offset(read, read.recordings[:count], tares),
@@ -99,7 +101,13 @@ def _from_wrenches(request: LoadRequest, read: LoadSources) -> LoadOutcome:
     )
     result = identify_load(read.body, read.frame, recordings, hand, tares, options=options)
     plot, hold_out = _judged_on(request, read, recordings, result)
-    return LoadOutcome(result.load, {**result.as_json(), "hold_out": hold_out, "plot": str(plot)})
+    outcome = LoadOutcome(result.load, {**result.as_json(), "hold_out": hold_out, "plot": str(plot)})
+    return _with_doubts(outcome, doubts)
+
+
+def _with_doubts(outcome: LoadOutcome, doubts: Sequence[str]) -> LoadOutcome:
+    warnings = [*outcome.answer["warnings"], *doubts]
+    return replace(outcome, answer={**outcome.answer, "warnings": warnings})
 
 
 def _static(

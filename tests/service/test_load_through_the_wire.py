@@ -175,11 +175,17 @@ def test_wrong_input_is_one_sentence(identified: Identified, tmp_path: Path, etu
     with two.open("w", newline="") as target:
         kept = [k for k, name in enumerate(rows[0]) if not name.endswith("joint3")]
         csv.writer(target).writerows([row[k] for k in kept] for row in rows)
+    degrees = tmp_path / "degrees.csv"
+    with degrees.open("w", newline="") as target:
+        turned = [k for k, name in enumerate(rows[0]) if name.startswith("dq_")]
+        scaled = [[str(float(x) * 57.29578) if k in turned else x for k, x in enumerate(row)] for row in rows[1:]]
+        csv.writer(target).writerows([rows[0], *scaled])
     library = tmp_path / "loads.toml"
     library.write_text('format = 1\nkind = "loads"\n[[load]]\nname = "x"\nweight = 1.0\n')
     urdf = str(Path("config/arms/dda/dda.urdf").absolute())
     for arguments, said in (
         ((str(bare), "--arm", "dda"), "has no wrench"),
+        ((str(degrees), "--arm", "dda", "--frame", "tool"), "degrees"),
         ((files[1], "--arm", "puma600"), "dda, not of puma600"),
         ((files[1], "--without", str(two), "--arm", "dda"), "lacks joint joint3"),
         ((files[1], "--without", files[1]), "both learnt from and without the load"),
