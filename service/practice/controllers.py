@@ -15,6 +15,8 @@ from service.practice.inverse_models import ArmTorques
 
 Array = NDArray[np.float64]
 FULL_DYNAMICS = "full dynamics"
+NEAR_ENOUGH = 0.9
+"""Of ``following_error_rad``."""
 SLOW_HZ = 133.0
 """The Motorola 68000's rate."""
 
@@ -28,6 +30,13 @@ class Variant:
     """"hybrid": the servo is in the drive; "digital": in the loop."""
     rate_hz: float
     plan: Plan
+    lag: Array
+    """(samples × n) rad by which a servo without a velocity reference falls behind: its damping holds it back."""
+
+    def within(self, installation: Installation) -> bool:
+        """Whether it stays so near to its reference that the arm is not stopped as astray."""
+        limits = np.array([joint.limits.following_error_rad for joint in installation.joint])
+        return bool((np.abs(self.lag).max(axis=0) < NEAR_ENOUGH * limits).all())
 
 
 def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, installation: Installation) -> list[Variant]:
@@ -55,14 +64,21 @@ def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, install
     whole = model.torque(motion.q, motion.dq, motion.ddq)
     if model.model.effects:
         hybrid.append((f"{FULL_DYNAMICS} and named effects", motion.dq, whole))
+    slope = np.array([joint.servo.damping_nms_rad / joint.servo.stiffness_nm_rad for joint in installation.joint])
     found = [
-        Variant(name, "hybrid", rate, _plan(motion, dq, tau, "csp", "pd+ff", None, None, name))
+        Variant(
+            name, "hybrid", rate, _plan(motion, dq, tau, "csp", "pd+ff", None, None, name), slope * (motion.dq - dq)
+        )
         for name, dq, tau in hybrid
     ]
     for hertz in (min(SLOW_HZ, rate), rate):
         found += [
             Variant(
-                name, "digital", hertz, _plan(motion, motion.dq, tau, "cst", kind, hertz, urdf, f"{name} {hertz:.0f}")
+                name,
+                "digital",
+                hertz,
+                _plan(motion, motion.dq, tau, "cst", kind, hertz, urdf, f"{name} {hertz:.0f}"),
+                zero,
             )
             for name, kind, tau in digital
         ]

@@ -48,6 +48,6 @@ def controller_report(answer: dict[str, Any]) -> list[RenderableType]:
     joints = list(answer["controllers"][0]["peak_deg"])
     table = Table("controller", "rate [Hz]", *(f"{joint}, peak [°]" for joint in joints), box=None)
     for row in answer["controllers"]:
-        name = f"{row['family']}: {row['controller']}"
+        name = f"{row['family']}: {row['controller']}" + ("" if row["played"] else " (not played: its lag)")
         table.add_row(name, f"{row['rate_hz']:.0f}", *(f"{row['peak_deg'][joint]:.3g}" for joint in joints))
     return [f"{answer['motion']}, by {answer['model']}", table, *answer["findings"], f"plot: {answer['plot']}"]

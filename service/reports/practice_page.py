@@ -51,7 +51,12 @@ def controllers_page(answer: Answer) -> str:
     """The page as HTML, from the JSON answer of `compare-controllers`."""
     joints = list(answer["controllers"][0]["peak_deg"])
     rows = [
-        [row["family"], row["controller"], f"{row['rate_hz']:.0f}", *(figure(row["peak_deg"][j]) for j in joints)]
+        [
+            row["family"],
+            row["controller"] + ("" if row["played"] else " (not played: its lag)"),
+            f"{row['rate_hz']:.0f}",
+            *(figure(row["peak_deg"][j]) for j in joints),
+        ]
         for row in answer["controllers"]
     ]
     numbers = tuple(range(2, 3 + len(joints)))

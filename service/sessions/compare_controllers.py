@@ -38,7 +38,8 @@ class CompareArguments(BaseModel):
 
 
 class CompareControllers:
-    """All plans are checked before the first moves."""
+    """All plans are checked before the first moves. One under which the arm would be stopped as astray, because its
+    servo is told no velocity, is not played: its error is the lag that servo and speed give."""
 
     kind: Kind = "compare-controllers"
 
@@ -64,6 +65,9 @@ class CompareControllers:
         mode = None
         count = len(self._variants)
         for k, variant in enumerate(self._variants):
+            if not variant.within(self._installation):
+                errors.append((variant, variant.lag))
+                continue
             stage = f"{k + 1} of {count}: {variant.family}, {variant.name}, {variant.rate_hz:.0f} Hz"
             if variant.plan.mode != mode:
                 if mode is not None:
@@ -100,6 +104,7 @@ class CompareControllers:
                 "family": variant.family,
                 "rate_hz": variant.rate_hz,
                 "peak_deg": _by_joint(joints, np.rad2deg(np.abs(error).max(axis=0))),
+                "played": variant.within(self._installation),
                 "rms_deg": _by_joint(joints, np.rad2deg(np.sqrt(np.mean(error**2, axis=0)))),
             }
             for variant, error in errors

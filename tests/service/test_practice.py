@@ -173,6 +173,8 @@ def test_controllers_of_appendix_a() -> None:
     found = variants(motion, load_inverse_model(None, installation), None, installation)
     assert [v.family for v in found] == ["hybrid"] * 5 + ["digital"] * 6
     assert {v.rate_hz for v in found if v.family == "digital"} == {133.0, 1000.0}
+    assert [v.within(installation) for v in found] == [False] * 2 + [True] * 9
+    assert np.rad2deg(np.abs(found[0].lag).max(axis=0)) == pytest.approx([19.1, 19.1, 19.1], abs=0.8)
     assert not found[0].plan.arrays[1].any()
     assert not found[2].plan.arrays[3].any()
     still = found[3].plan.arrays[3]
