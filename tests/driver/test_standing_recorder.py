@@ -101,6 +101,7 @@ def test_the_watch_replaces_it_and_the_run_is_lost_all_the_same(
 ) -> None:
     begin(recorder, publish, tmp_path / "a")
     kill(recorder)
+    monkeypatch.setattr(standing_recorder, "PAUSE_S", 1e9)
     recorder.revive_in_time()
     assert recorder.report().state == "gone", "one that has died right after its start is not started over and over"
     monkeypatch.setattr(standing_recorder, "PAUSE_S", 0.0)

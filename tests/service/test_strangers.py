@@ -22,6 +22,7 @@ from service.daemon.commands import commands_of
 from service.daemon.protocol import LINE_LIMIT
 from service.daemon.server import CONNECTIONS, Server
 from service.sessions.conductor import Conductor
+from service.sessions.standing_recorder import RecorderReport
 from service.sessions.store import SessionStore
 
 pytestmark = pytest.mark.timeout(240)
@@ -55,6 +56,7 @@ class StillArm:
             realtime=RealtimeReport("normal", False, 0, ()), buses=(), sensors=(), last_frames=(),
         )  # fmt: skip
         self.loop = SimpleNamespace(alive=True, status=lambda: status, reset=lambda: self.asked.append("reset"))
+        self.recorder = SimpleNamespace(report=lambda: RecorderReport("ready", 1, None, 0, None))
 
     def __getattr__(self, name: str) -> Any:
         async def moved(*_: Any) -> None:
