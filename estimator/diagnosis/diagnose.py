@@ -169,7 +169,7 @@ def _unexplained(evidence: Evidence, search: Search, refined: Refined, chosen: l
 
 def _signature(search: Search, candidate: int) -> str:
     hypothesis = _of(search, candidate)
-    whose = "" if hypothesis.place.other is None else f" of joint {search.design.body.joints[hypothesis.place.other]}"
+    whose = "" if hypothesis.place.other is None else f" of {search.design.body.joints[hypothesis.place.other]}"
     return hypothesis.effect.name.replace("map of", "a function of") + whose
 
 

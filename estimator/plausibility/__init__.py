@@ -3,6 +3,7 @@
 from estimator.plausibility.cut_off import cut_off, dead
 from estimator.plausibility.doubt import Doubt, Kind
 from estimator.plausibility.examine import examine, examine_motion, without_unusable_torques
+from estimator.plausibility.poor_motion import missing_motions
 from estimator.plausibility.wrench import readable_wrench
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "dead",
     "examine",
     "examine_motion",
+    "missing_motions",
     "readable_wrench",
     "without_unusable_torques",
 ]

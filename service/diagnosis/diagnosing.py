@@ -14,6 +14,7 @@ from config import InputError
 from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.plausibility import missing_motions
 from service.diagnosis.experimenting import next_experiment, realised_gap
 from service.diagnosis.json_answer import as_json
 from service.diagnosis.keeping import keep
@@ -47,13 +48,14 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
     read = read_recordings(
         request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell, believed=True
     )
+    missing = missing_motions(read.body, read.trajectories)
     tell("judging", 0.4)
     result = diagnose(read.body, read.trajectories, read.hold_out, request.tolerance)
     answer = {
         "arm": read.arm.name,
         "recordings": [str(path) for path in request.recordings],
         "hold_out": [str(path) for path in request.hold_out],
-        **as_json(result, read.notes),
+        **as_json(result, [*read.notes, *missing]),
         "model_name": None,
         "report": None,
     }

@@ -18,17 +18,16 @@ def summary(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "clean":
         return "nothing beyond the noise: the model explains these recordings"
     parts = [sentence_of(finding, diagnosis.joints) for finding in diagnosis.findings]
-    parts += [
-        f"joint {diagnosis.joints[joint]}: {100 * left.share:.0f} % of what repeats is explained by no known effect "
-        f"({left.signature})"
-        for joint, left in diagnosis.unexplained.items()
-    ]
+    for joint, left in diagnosis.unexplained.items():
+        where = place_text(Place(joint), diagnosis.joints, verb=False)
+        what = f"{100 * left.share:.0f} % of what repeats is explained by no known effect ({left.signature})"
+        parts.append(f"{where}: {what}")
     return "; ".join(parts)
 
 
 def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
     """ "joint 2 has viscous friction: coefficient 3.1 ± 0.2 N·m·s/rad; it explains 86 % of what can be explained"."""
-    values = ", ".join(f"{name} {quantity_text(q)}" for name, q in _told(finding.parameters).items())
+    values = ", ".join(f"{name.replace('_', ' ')} {quantity_text(q)}" for name, q in _told(finding.parameters).items())
     sentence = (
         f"{place_text(finding.place, joints)} {effect_text(finding.effect)}{': ' if values else ''}{values}; "
         f"it explains {100 * finding.share_of_explainable:.0f} % of what can be explained there"

@@ -79,10 +79,12 @@ def alternatives_figure(number: int, label: str, alternatives: Sequence[Mapping[
     return svg(fig, f"alternatives-{number}", "how far behind the alternatives are")
 
 
-def residual_figure(traces: Traces, units: Mapping[str, str]) -> Html:
+def residual_figure(traces: Traces, units: Mapping[str, str], found: bool = True) -> Html:
     """Torque residual over time, before and after, one panel a joint, with a band of twice the noise.
 
-    ``units`` of the torque, by joint."""
+    ``units`` of the torque, by joint. ``found``: whether the second curve has findings, or the given model's links only
+    moved within their tolerance.
+    """
     joints = len(units)
     fig, panels = axes_of(10.4, 0.7 + 1.15 * joints, joints, share_x=True)
     step = max(1, len(traces.t) // POINTS)
@@ -90,7 +92,13 @@ def residual_figure(traces: Traces, units: Mapping[str, str]) -> Html:
         noise = 2.0 * float(traces.noise[i])
         axis.axhspan(-noise, noise, color="#e8eef6", lw=0, label="± 2 noise")
         axis.plot(traces.t[::step], traces.before[::step, i], color=MUTED, lw=0.9, label="given model")
-        axis.plot(traces.t[::step], traces.after[::step, i], color=ACCENT, lw=0.9, label="with the findings")
+        axis.plot(
+            traces.t[::step],
+            traces.after[::step, i],
+            color=ACCENT,
+            lw=0.9,
+            label="with the findings" if found else "links within their tolerance",
+        )
         axis.set_ylabel(f"{joint}\n[{unit}]")
         limit = 1.15 * float(np.nanquantile(np.abs(traces.before[:, i]), 0.998)) + noise
         axis.set_ylim(-limit, limit)

@@ -124,8 +124,8 @@ def _residual(answer: Answer, traces: Traces) -> Html:
         of="caption",
     )
     return section(
-        "Torque residual, before and after",
-        element("div", residual_figure(traces, _units(answer)), of="wide"),
+        "Torque residual, before and after" if answer["findings"] else "Torque residual",
+        element("div", residual_figure(traces, _units(answer), bool(answer["findings"])), of="wide"),
         caption,
     )
 
@@ -145,15 +145,16 @@ def _gain(answer: Answer) -> Html:
         rows.append([joint, *numbers, r["unit"], Html(f'<div class="bar">{bar}</div>')])
     held_out = answer["gain"]["held_out_torque"]
     rows.append([element("b", "held out"), figure(held_out["before_rms"]), figure(held_out["after_rms"]), "",
-                 held_out["unit"], f"{_percent(held_out['share_of_explainable'])} of the explainable"])  # fmt: skip
+                 held_out["unit"], _explained(held_out["share_of_explainable"])])  # fmt: skip
     simulation = answer["gain"]["simulation"]
     if simulation:
         off = [
             f"{figure(simulation[key])} {simulation['unit']}" for key in ("position_before_rms", "position_after_rms")
         ]
         rows.append([element("b", "simulated position"), *off, "", "", "the twin with the recorded commands"])
+    heading = "What it gains" if answer["findings"] else "Torques against their noise"
     headings = ["joint", "before, rms", "after", "noise", "unit", "red: what is left; black mark: the noise"]
-    return section("What it gains", table(headings, rows, numbers=(1, 2, 3)))
+    return section(heading, table(headings, rows, numbers=(1, 2, 3)))
 
 
 def _detectable(answer: Answer) -> Html:
@@ -208,6 +209,10 @@ def _with_error(value: Any, error: Any) -> tuple[str, str]:
 
 def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _explained(share: float | None) -> str:
+    return "nothing beyond the noise" if share is None else f"{_percent(share)} of the explainable"
 
 
 def _chance(probability: float | None) -> str:

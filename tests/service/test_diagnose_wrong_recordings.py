@@ -73,3 +73,14 @@ def test_swapped_channels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_too_short_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     t, q, tau = motion(0.3)
     assert "seconds" in told(tmp_path, capsys, t, q, tau)
+
+
+def test_a_recording_in_which_nothing_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    still = np.repeat(q[:1], len(t), axis=0) + np.random.default_rng(0).normal(0.0, 2e-5, q.shape)
+    assert "no joint moves" in told(tmp_path, capsys, t, still, tau)
+
+
+def test_torques_that_never_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    assert "no torque ever changes" in told(tmp_path, capsys, t, q, 0.0 * tau)
