@@ -29,12 +29,14 @@ class Tracking:
 
     def __init__(self, installation: Installation) -> None:
         period_s = 1.0 / installation.cycle.rate_hz
+        self._period_ns = installation.cycle.period_ns
         self._names = installation.joint_names
         self._step = [OVERSPEED * joint.limits.velocity_rad_s * period_s for joint in installation.joint]
         self._slack = [SLACK_COUNTS * 2 * math.pi / joint.encoder.counts_per_turn for joint in installation.joint]
         self._astray = [joint.limits.following_error_rad for joint in installation.joint]
         self._known: list[float | None] = [None] * len(self._names)
-        self._gap = [0] * len(self._names)
+        self._known_ns = [0] * len(self._names)
+        """When each joint was last heard of: cycles that a stalled loop skipped are time in which it moved on."""
         self._count = [1.5 * 2 * math.pi / joint.encoder.counts_per_turn for joint in installation.joint]
         self._stood: list[tuple[float, float] | None] = [None] * len(self._names)
         """Angle at which each joint has stood still, and where it was told to be when that began."""
@@ -50,7 +52,7 @@ class Tracking:
         ``q_d``: where the joints were last told to be, rad; compared where ``following``: the drives are enabled and
         follow it.
         """
-        known, q = self._known, feedback.q
+        known, known_ns, q, now_ns = self._known, self._known_ns, feedback.q, feedback.time_ns
         wrong: list[Astray] = []
         if not feedback.complete:
             self._with_gaps(feedback)
@@ -59,7 +61,7 @@ class Tracking:
             before = known[i]
             if before is not None:
                 change = angle - before
-                most = self._step[i] * (1 + self._gap[i]) + self._slack[i]
+                most = self._step[i] * max(1.0, (now_ns - known_ns[i]) / self._period_ns) + self._slack[i]
                 if not -most <= change <= most:
                     sentence = f"its angle jumped by {change:.3g} rad, which it cannot do in the time"
                     wrong.append(Astray(i, f"{self._names[i]}: {sentence}; check encoder and cable"))
@@ -73,7 +75,7 @@ class Tracking:
                 )
                 wrong.append(Astray(i, f"{self._names[i]}: {sentence}; check brake, load, motor and encoder"))
         self._known = list(q)
-        self._gap = [0] * len(q)
+        self._known_ns = [now_ns] * len(q)
         return wrong
 
     def _stands(self, i: int, angle: float, told: float) -> bool:
@@ -87,6 +89,4 @@ class Tracking:
         """A joint that is not heard of may have moved on meanwhile."""
         for i, valid in enumerate(feedback.valid):
             if valid:
-                self._known[i], self._gap[i] = feedback.q[i], 0
-            else:
-                self._gap[i] += 1
+                self._known[i], self._known_ns[i] = feedback.q[i], feedback.time_ns
