@@ -13,6 +13,7 @@ from benchmarks.measured import is_here
 from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
+    kinova_drive_trains,
     kuka_diagnosed,
     number,
     odrive_diagnosed,
@@ -48,6 +49,7 @@ def measure() -> list[Figure]:
         ("odrive_cogging", _odrive),
         ("kuka_kr300", _kuka),
         ("franka_panda", _panda),
+        ("kinova_gen3", _kinova),
     ):
         if is_here(folder):
             figures += of_set()
@@ -98,6 +100,26 @@ def _panda() -> list[Figure]:
     late = [f for f in findings_of(found, "transport_delay") if f.place.channel == "velocity"]
     delay = 1e3 * number(late[0], "delay") if late else 0.0
     return [Figure("diagnosed_panda_velocity_late", delay, "ms", "published: a few ms", None), *_sum("panda", found)]
+
+
+def _kinova() -> list[Figure]:
+    """Between the motors' currents and the joints' sensors; of what the recordings do not tell, nothing."""
+    figures = []
+    for joint, train in enumerate(kinova_drive_trains(), 1):
+        if train is None:
+            continue
+        told = {
+            "torque_constant": (train.torque_constant, "–"),
+            "coulomb": (train.coulomb, "N·m"),
+            "viscous": (train.viscous, "N·m·s/rad"),
+            "rotor_inertia": (train.rotor_inertia, "kg·m²"),
+        }
+        for name, (estimate, unit) in told.items():
+            if estimate.told:
+                error = estimate.standard_error
+                label = f"drive_train_kinova_{name}_{joint}"
+                figures.append(Figure(label, estimate.value, unit, "standard error", error))
+    return figures
 
 
 def _sum(name: str, found: Diagnosis) -> list[Figure]:

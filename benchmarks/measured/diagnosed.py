@@ -8,11 +8,13 @@ import numpy as np
 
 from benchmarks.measured.dataset import MeasuredArm
 from benchmarks.measured.emps import emps
+from benchmarks.measured.kinova import CHANNELS, kinova
 from benchmarks.measured.kuka import kuka
 from benchmarks.measured.odrive import odrive
 from benchmarks.measured.panda import panda
 from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
+from estimator.drive_train import DriveTrain, drive_trains
 
 SLOW_SWEEP = "odrive_slow2_slower_nocomp_0"
 """One turn in 33 s. Faster sweeps begin with a leap back to zero at 80 rad/s, which a cogging torque is nothing to."""
@@ -38,6 +40,12 @@ def kuka_diagnosed() -> Diagnosis:
 
 def panda_diagnosed() -> Diagnosis:
     return diagnosed(panda(), ["panda_first_half"], ["panda_second_half"])
+
+
+def kinova_drive_trains() -> list[DriveTrain | None]:
+    """Between the motors' currents and the joints' torque sensors."""
+    motors, sensors = (list(kinova(channel).recordings.values()) for channel in CHANNELS)
+    return drive_trains(motors, sensors)
 
 
 def findings_of(found: Diagnosis, effect: str, joint: int | None = None) -> list[Finding]:

@@ -15,6 +15,8 @@ RECORDINGS = ("opti_traj_testing1", "opti_traj_testing2", "RunTrajectory1")
 PERIOD = 1e-3
 """s. The time column counts samples; velocities against differences of angles say that one is a millisecond."""
 TorqueChannel = Literal["TorqueSm", "TorqueCur"]
+CHANNELS: tuple[TorqueChannel, TorqueChannel] = ("TorqueCur", "TorqueSm")
+"""Of the motor, then of the joint's sensor."""
 
 
 def kinova(torque: TorqueChannel = "TorqueSm") -> MeasuredArm:

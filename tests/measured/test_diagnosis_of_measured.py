@@ -10,6 +10,7 @@ from benchmarks.measured import emps, is_here
 from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
+    kinova_drive_trains,
     number,
     odrive_diagnosed,
     panda_diagnosed,
@@ -62,3 +63,15 @@ def test_the_panda_rubs_and_its_speeds_come_late() -> None:
     assert number(late[0], "delay") == pytest.approx(5.4e-3, abs=1e-3)
     assert len(found.findings) <= 2 * len(found.joints)
     assert found.held_out.after < 0.6 * found.held_out.before
+
+
+def test_the_kinova_s_currents_and_sensors_differ_by_friction() -> None:
+    """Nothing is published: currents say what sensors say within their errors, and friction lies between."""
+    needs("kinova_gen3")
+    trains = [train for train in kinova_drive_trains() if train is not None]
+    gains = [train.torque_constant for train in trains if train.torque_constant.told]
+    assert len(gains) >= 4
+    assert all(abs(gain.value - 1.0) < max(0.05, 2.0 * gain.standard_error) for gain in gains)
+    assert sum(train.coulomb.told and train.coulomb.value > 0.0 for train in trains) >= 3
+    assert sum(train.viscous.told and train.viscous.value > 0.0 for train in trains) >= 4
+    assert not any(train.rotor_inertia.told for train in trains)
