@@ -14,7 +14,7 @@ from driver.plan import Controller, Plan
 from service.practice.inverse_models import ArmTorques
 
 Array = NDArray[np.float64]
-FULL_DYNAMICS = "full dynamics"
+FULL_DYNAMICS, FEEDFORWARD = "full dynamics", "feedforward"
 NEAR_ENOUGH = 0.9
 """Of ``following_error_rad``."""
 SLOW_HZ = 133.0
@@ -40,7 +40,7 @@ class Variant:
 
 
 def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, installation: Installation) -> list[Variant]:
-    """All of Appendix A, and where the model has more than rigid bodies, the full feedforward with all it has.
+    """All of Appendix A, and where the model has more than rigid bodies, both feedforwards with all it has.
 
     ``urdf``: text of the model that computed torque uses; the installation's when None.
     Raises InputError when a plan leaves a limit.
@@ -58,12 +58,13 @@ def variants(motion: SampledMotion, model: ArmTorques, urdf: str | None, install
     ]
     digital: list[tuple[str, Controller, Array]] = [
         ("PD", "pd", zero),
-        ("feedforward", "pd+ff", rigid),
+        (FEEDFORWARD, "pd+ff", rigid),
         ("computed torque", "computed_torque", zero),
     ]
     whole = model.torque(motion.q, motion.dq, motion.ddq)
     if model.model.effects:
         hybrid.append((f"{FULL_DYNAMICS} and named effects", motion.dq, whole))
+        digital.append((f"{FEEDFORWARD} and named effects", "pd+ff", whole))
     slope = np.array([joint.servo.damping_nms_rad / joint.servo.stiffness_nm_rad for joint in installation.joint])
     found = [
         Variant(
