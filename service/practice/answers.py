@@ -96,8 +96,15 @@ def practice_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"certificate: {certificate['verdict']}, {certificate['reason']}",
         table,
         f"stopped because {answer['stopped_because']}",
+        *(f"taught: {taught_text(one)}" for one in answer.get("taught", [])),
         *(f"{what}: {answer[what]}" for what in ("feedforward", "plot") if answer.get(what)),
     ]
+
+
+def taught_text(effect: dict[str, Any]) -> str:
+    """One effect that practice has taught, in words."""
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in effect["parameters"].items())
+    return f"{effect['effect']} at {effect['joint']}, {numbers}"
 
 
 def ratio_text(practice: Practice) -> str:

@@ -16,7 +16,7 @@ from service.practice.controllers import Variant
 from service.reports.style import ACCENT, figure, finish
 
 Array = NDArray[np.float64]
-COLOURS = ("#c9cdd3", "#8d99ae", "#edae49", "#00798c", ACCENT, "black")
+COLOURS = ("#c9cdd3", "#8d99ae", "#edae49", "#00798c", ACCENT, "black", "#5b8e7d", "#8d6a9f")
 
 
 def plot_controllers(

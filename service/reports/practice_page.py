@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from service.practice.answers import taught_text
 from service.reports.link_tables import figure
 from service.reports.page import Html, badge, element, folded, joined, page, picture, section, table
 
@@ -34,6 +35,7 @@ def practice_page(answer: Answer) -> str:
     sections = [
         section("Learning curve, certificate, torques before and after", picture(Path(answer["plot"]))),
         section("Velocity error of each trial", _trials(answer)),
+        *([section("Taught for other motions", _taught(taught))] if (taught := answer.get("taught")) else []),
         section(
             "Certificate",
             element("p", f"{certificate['verdict']}: {certificate['reason']}"),
@@ -74,6 +76,10 @@ def controllers_page(answer: Answer) -> str:
 def _times(trial: Answer, floor: Mapping[str, float]) -> float:
     errors: Mapping[str, float] = trial["velocity_error_rms"]
     return max(error / floor[joint] for joint, error in errors.items())
+
+
+def _taught(effects: Sequence[Answer]) -> Html:
+    return element("ul", *(element("li", taught_text(dict(one))) for one in effects))
 
 
 def _trials(answer: Answer) -> Html:

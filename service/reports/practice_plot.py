@@ -58,7 +58,10 @@ def plot_curves(axis: Any, curves: Mapping[str, Sequence[Sequence[float]]]) -> N
             label = name if name and not again else None
             axis.semilogy(range(len(ratios)), ratios, marker="o", ms=3, color=colours[k % len(colours)], label=label)
     axis.axhline(1.0, color="black", lw=0.8, label="repeatability")
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_minor_formatter("{x:g}")
     axis.set_ylabel("velocity error RMS\n÷ repeatability")
+    axis.xaxis.get_major_locator().set_params(integer=True)
     axis.set_xlabel("practice movements")
     axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
 

@@ -26,7 +26,8 @@ def plot_task(path: Path, answer: Answer) -> None:
         label = f"{name} [{answer['units'][name]}]"
         axis.semilogy(range(len(misses)), misses, marker="o", ms=3, color=colour, label=label)
         axis.axhline(2.0 * scatter, color=colour, ls="--", lw=0.8)
-    axis.set_ylabel("miss; dashed: what chance leaves")
+    axis.set_ylabel("miss\n(dashed: chance)")
+    axis.xaxis.get_major_locator().set_params(integer=True)
     axis.set_xlabel("trials; 0: the model's plan, mean of the replays")
     axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
     finish(fig, path)
