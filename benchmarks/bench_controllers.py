@@ -50,7 +50,8 @@ def _diagnosed(links: str, recordings: list[Path]) -> Path:
     body = load_inverse_model(links, load_installation(ARM)).model.body
     read = read_recordings(tuple(recordings), (), ARM, {}, "/joint_states", lambda stage, share: None)
     found = diagnose(body, read.trajectories, (), TOLERANCE)
-    told = ", ".join(f"{one.effect} of {body.joints[one.place.joint or 0]}" for one in found.findings)
+    places = ["the arm" if one.place.joint is None else body.joints[one.place.joint] for one in found.findings]
+    told = ", ".join(f"{one.effect} of {place}" for one, place in zip(found.findings, places, strict=True))
     print(f"named beside the identified links: {told}")
     path = Path(links).with_name("diagnosed.toml")
     write_model(path, model_file(ARM, diagnosed_model(body, found), found.verdict, read.sources))
