@@ -107,6 +107,8 @@ class Diagnosis:
     held_out: HeldOut
     smallest_detectable: dict[str, dict[int | None, float]]
     """By effect and joint (None: the whole arm), in the unit of the effect's first measured parameter."""
+    detectable_units: dict[str, str]
+    """By effect, of `smallest_detectable`."""
     notes: tuple[str, ...]
     """What a reader must know to trust it: where the noise comes from, what the motion cannot tell."""
     traces: Traces

@@ -6,17 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.design import Candidate, Hypothesis
+from estimator.diagnosis.quantities import unit_of
 from estimator.diagnosis.search import FALSE_ALARM, Search
 
 Array = NDArray[np.float64]
 
 
-def smallest_detectable(search: Search, chosen: list[int]) -> dict[str, dict[int | None, float]]:
+def smallest_detectable(search: Search, chosen: list[int]) -> tuple[dict[str, dict[int | None, float]], dict[str, str]]:
     """By effect and joint: the value of the effect's first measured parameter at which the expected evidence reaches
-    the threshold, all other coefficients of the effect zero. What the motion cannot show at all is left out."""
+    the threshold, all other coefficients of the effect zero; and by effect the parameter's unit (two where some joints
+    turn and others slide). What the motion cannot show at all is left out."""
     design, model = search.design, search.model(chosen)
     threshold = -np.log(FALSE_ALARM / search.chance.tests)
     result: dict[str, dict[int | None, float]] = {}
+    units: dict[str, dict[str, None]] = {}
     strongest = _strongest(search)
     for group in search.groups:
         matrix, energy = model.remaining(group)
@@ -28,16 +31,19 @@ def smallest_detectable(search: Search, chosen: list[int]) -> dict[str, dict[int
             hypothesis = design.hypotheses[candidate.hypothesis]
             if search.is_map[candidate.hypothesis]:
                 continue
-            size = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
-            if size is None:
+            told = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
+            if told is None:
                 continue
+            parameter, size = told
             own = result.setdefault(hypothesis.effect.name, {})
             joint = hypothesis.place.joint
             own[joint] = max(size, own.get(joint, 0.0))
-    return result
+            unit = unit_of(hypothesis, parameter, design.body)
+            units.setdefault(hypothesis.effect.name, {})[unit] = None
+    return result, {name: ", ".join(own) for name, own in units.items()}
 
 
-def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float) -> float | None:
+def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float) -> tuple[str, float] | None:
     """The first parameter that the first coefficient changes: by how much that coefficient changes it, or its value
     where the effect's absence is no number (an endless stiffness). None when there is no such parameter."""
     x = np.zeros(len(candidate.columns))
@@ -47,7 +53,7 @@ def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float)
     for name, value in present.items():
         without = absent.get(name, np.inf)
         if isinstance(value, float) and isinstance(without, float) and value != without and np.isfinite(value):
-            return abs(value - without) if np.isfinite(without) else abs(value)
+            return name, abs(value - without) if np.isfinite(without) else abs(value)
     return None
 
 

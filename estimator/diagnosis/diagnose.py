@@ -64,6 +64,7 @@ def diagnose(
     refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
     findings = tuple(_finding(evidence, search, refined, number, cause, causes) for number, cause in enumerate(causes))
     unexplained = _unexplained(evidence, search, refined, chosen)
+    sizes, units = smallest_detectable(search, chosen)
     return Diagnosis(
         joints=body.joints,
         verdict=_verdict(findings, unexplained),
@@ -71,7 +72,8 @@ def diagnose(
         unexplained=unexplained,
         torque_residual=_residuals(evidence, refined),
         held_out=_held_out(evidence, search, refined, body, hold_out),
-        smallest_detectable=smallest_detectable(search, chosen),
+        smallest_detectable=sizes,
+        detectable_units=units,
         notes=tuple(_notes(evidence, given)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,

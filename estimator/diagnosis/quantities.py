@@ -41,8 +41,12 @@ def quantities(
     for name, value in at.items():
         error = np.sqrt(np.maximum(np.einsum("ak,kl,al->a", slopes[name], covariance, slopes[name]), 0.0))
         scalar = len(value) == 1
-        unit = effect.units[name]
-        if place.joint is not None and effect.name != "link_inertia":
-            unit = body.axes[place.joint].unit(unit)
+        unit = unit_of(hypothesis, name, body)
         result[name] = Quantity(float(value[0]) if scalar else value, float(error[0]) if scalar else error, unit)
     return result
+
+
+def unit_of(hypothesis: Hypothesis, parameter: str, body: RigidBody) -> str:
+    """Of a parameter of an effect where it lives: a link's stay, a joint's are those of a turning or a sliding one."""
+    unit, joint = hypothesis.effect.units[parameter], hypothesis.place.joint
+    return unit if joint is None or hypothesis.effect.name == "link_inertia" else body.axes[joint].unit(unit)

@@ -40,6 +40,7 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
             effect: {"arm" if joint is None else joints[joint]: size for joint, size in sizes.items()}
             for effect, sizes in diagnosis.smallest_detectable.items()
         },
+        "smallest_detectable_units": diagnosis.detectable_units,
         "model": None,
         "band_hz": diagnosis.band,
         "notes": [*notes, *diagnosis.notes],

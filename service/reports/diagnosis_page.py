@@ -161,16 +161,15 @@ def _detectable(answer: Answer) -> Html:
     sizes: Mapping[str, Mapping[str, float]] = answer["smallest_detectable"]
     if not sizes:
         return Html("")
+    units: Mapping[str, str] = answer["smallest_detectable_units"]
     joints = list(dict.fromkeys(joint for by_joint in sizes.values() for joint in by_joint))
     rows = [
-        [effect.replace("_", " "), *(figure(by_joint[j]) if j in by_joint else "" for j in joints)]
+        [effect.replace("_", " "), *(figure(by_joint[j]) if j in by_joint else "" for j in joints), units[effect]]
         for effect, by_joint in sizes.items()
     ]
-    tables = table(["effect", *joints], rows, numbers=range(1, len(joints) + 1))
+    tables = table(["effect", *joints, "unit"], rows, numbers=range(1, len(joints) + 1))
     heading = "What would have been seen"
-    caption = element(
-        "p", "The smallest size of each effect, in its own unit, that these recordings would have shown.", of="caption"
-    )
+    caption = element("p", "The smallest size of each effect that these recordings would have shown.", of="caption")
     if answer["verdict"] == "clean":
         return section(heading, tables, caption)
     return section("", folded(heading, tables, caption))

@@ -51,6 +51,7 @@ def test_a_clean_arm_is_clean(six_axis: RigidBody, record: Recorder) -> None:
     found = diagnose(six_axis, record())
     assert found.verdict == "clean"
     assert found.findings == ()
+    assert found.detectable_units["viscous_friction"] == "N·m·s/rad"
     sizes = found.smallest_detectable["viscous_friction"]
     assert set(sizes) == set(range(6))
     assert 0.0 < sizes[5] < sizes[0]

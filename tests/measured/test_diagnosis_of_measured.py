@@ -36,6 +36,7 @@ def test_emps_rubs_more_one_way_than_the_other() -> None:
         assert first.parameters[name].unit == unit
         assert number(first, name) == pytest.approx(published, rel=0.06)
     assert found.torque_residual[0].unit == "N"
+    assert found.detectable_units["coulomb_friction"] == "N"
     drawn = found.traces.signatures[0]
     assert (drawn.quantity, drawn.unit) == ("speed of axis", "m/s")
     assert (drawn.channel, drawn.channel_unit) == ("force of axis", "N")

@@ -94,6 +94,7 @@ def answer() -> dict[str, Any]:
             "simulation": None,
         },
         "smallest_detectable": {"viscous_friction": {"shoulder": 0.031, "elbow": 0.027}, "base_tilt": {"arm": 0.002}},
+        "smallest_detectable_units": {"viscous_friction": "N·m·s/rad", "base_tilt": "rad"},
         "model": None,
         "band_hz": 10.0,
         "experiments": [],
@@ -115,6 +116,7 @@ def test_the_page_says_what_was_found_how_sure_and_what_to_do_next(answer: dict[
         "42 % of what repeats",
         "falls from 1.06 to 0.11 N·m rms",
         "97 % of what any model could explain",
+        "viscous friction 0.031 0.027 N·m·s/rad",
         "later.csv, which was not learnt from",
         "noise from 6 playings".capitalize(),
     ):
