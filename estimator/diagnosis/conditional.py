@@ -51,6 +51,16 @@ def groups_of(design: Design, candidates: Indices | None = None) -> list[Group]:
     return result
 
 
+def products(design: Design, block: Block, weights: Array, first: Indices, second: Indices) -> Array:
+    """(first, second) weighted products of some unknowns' columns with others', over all channels."""
+    result = np.zeros((len(first), len(second)))
+    for channel, gram in enumerate(block.grams):
+        one, other = design.position[channel][first], design.position[channel][second]
+        rows, columns = np.flatnonzero(one >= 0), np.flatnonzero(other >= 0)
+        result[rows[:, None], columns] += weights[channel] * gram[one[rows, None], other[columns]]
+    return result
+
+
 class Conditional:
     """The model with the ``active`` unknowns fitted to one block (or sum) with a weight for each channel.
 
@@ -61,13 +71,9 @@ class Conditional:
         self.design, self.block, self.weights, self.active = design, block, weights, active
         size, given = design.size, design.given
         self.right = np.zeros(size)
-        matrix = np.zeros((len(active), len(active)))
         for channel, gram in enumerate(block.grams):
-            place = design.position[channel][active]
-            enters = np.flatnonzero(place >= 0)
-            own = place[enters]
-            matrix[enters[:, None], enters] += weights[channel] * gram[own[:, None], own]
             self.right[design.members[channel]] += weights[channel] * gram[:-1, -1]
+        matrix = products(design, block, weights, active, active)
         matrix[:given, :given] += design.precision
         diagonal = np.diag(matrix)
         scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -105,6 +111,13 @@ class Conditional:
     def score(self) -> Array:
         """(size,) products of every column with the residual."""
         return np.asarray(self.right - self.cross.T @ self.value)
+
+    def left_of(self, columns: Indices) -> tuple[Array, Array, Array]:
+        """(c, c) products of some columns after the active ones, (c,) those with the residual, (c,) energies before."""
+        whole = products(self.design, self.block, self.weights, columns, columns)
+        cross = products(self.design, self.block, self.weights, self.active, columns)
+        energy = np.diag(whole).copy()
+        return whole - cross.T @ self.solve(cross), self.right[columns] - cross.T @ self.value, energy
 
     def squares(self) -> Array:
         """(channels,) squared residual, not weighted."""

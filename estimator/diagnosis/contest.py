@@ -13,7 +13,7 @@ from estimator.diagnosis.design import Design, Hypothesis, stretch_rows
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, total
 from estimator.diagnosis.noise import Noise
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import Stretch
 from estimator.effects import Signals
 
@@ -121,21 +121,21 @@ class Contest:
         return groups_of(self.design, np.arange(self.others, len(self.design.candidates)))
 
 
-def contest(search: Search, evidence: Evidence, others: Sequence[int], hypotheses: Sequence[int]) -> Contest:
+def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypotheses: Sequence[int]) -> Contest:
     """Between ``hypotheses`` (indices of the search's design), the candidates ``others`` being other causes.
 
     The first hypothesis is the finding.
     """
-    own = [np.flatnonzero(search.owner == h) for h in hypotheses]
+    own = [np.flatnonzero(scores.owner == h) for h in hypotheses]
     chosen = [*others, *(int(k) for k in np.concatenate(own))]
-    design, known = _part(search.design, search.total, chosen)
+    design, known = _part(scores.design, scores.total, chosen)
     rivals, place = [], len(others)
     for number, candidates in zip(hypotheses, own, strict=True):
-        freedom = np.array([float(search.size(int(k))) for k in candidates])
+        freedom = np.array([float(scores.size(int(k))) for k in candidates])
         here = np.arange(place, place + len(candidates))
-        rivals.append(Rival(search.design.hypotheses[number], here, freedom))
+        rivals.append(Rival(scores.design.hypotheses[number], here, freedom))
         place += len(candidates)
-    return Contest(design, len(others), tuple(rivals), known, search.weights.copy(), evidence.noise, evidence.grid.band)
+    return Contest(design, len(others), tuple(rivals), known, scores.weights.copy(), evidence.noise, evidence.grid.band)
 
 
 def _part(design: Design, block: Block, chosen: Sequence[int]) -> tuple[Design, Block]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Channel, Stretch
-from estimator.effects import Effect, Place, Scales, Signals
+from estimator.effects import Law, Place, Scales, Signals
 from estimator.filtering import Decimator
 from estimator.rigid_body import RigidBody
 from estimator.rows import make_layout
@@ -23,9 +23,9 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One effect at one place."""
+    """One effect, or map, at one place."""
 
-    effect: Effect
+    effect: Law
     place: Place
 
 

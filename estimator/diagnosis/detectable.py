@@ -7,29 +7,30 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.design import Candidate, Hypothesis
 from estimator.diagnosis.quantities import unit_of
-from estimator.diagnosis.search import FALSE_ALARM, Search
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import FALSE_ALARM
 
 Array = NDArray[np.float64]
 
 
-def smallest_detectable(search: Search, chosen: list[int]) -> tuple[dict[str, dict[int | None, float]], dict[str, str]]:
+def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, dict[int | None, float]], dict[str, str]]:
     """By effect and joint: the value of the effect's first measured parameter at which the expected evidence reaches
     the threshold, all other coefficients of the effect zero; and by effect the parameter's unit (two where some joints
     turn and others slide). What the motion cannot show at all is left out."""
-    design, model = search.design, search.model(chosen)
-    threshold = -np.log(FALSE_ALARM / search.chance.tests)
+    design, model = scores.design, scores.model(chosen)
+    threshold = -np.log(FALSE_ALARM / scores.chance.tests)
     result: dict[str, dict[int | None, float]] = {}
     units: dict[str, dict[str, None]] = {}
-    strongest = _strongest(search)
-    for group in search.groups:
+    strongest = _strongest(scores)
+    for group in scores.groups:
         matrix, energy = model.remaining(group)
         for k, number in enumerate(group.candidates):
             candidate = design.candidates[number]
             visible = matrix[k, 0, 0]
-            if visible <= 1e-9 * max(energy[k, 0], 1e-6 * strongest[_effect(search, number)]):
+            if visible <= 1e-9 * max(energy[k, 0], 1e-6 * strongest[_effect(scores, number)]):
                 continue
             hypothesis = design.hypotheses[candidate.hypothesis]
-            if search.is_map[candidate.hypothesis]:
+            if scores.is_map[candidate.hypothesis]:
                 continue
             told = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
             if told is None:
@@ -57,19 +58,19 @@ def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float)
     return None
 
 
-def _effect(search: Search, candidate: int) -> str:
-    design = search.design
+def _effect(scores: Scores, candidate: int) -> str:
+    design = scores.design
     return design.hypotheses[design.candidates[candidate].hypothesis].effect.name
 
 
-def _strongest(search: Search) -> dict[str, float]:
+def _strongest(scores: Scores) -> dict[str, float]:
     """Of each effect, the largest energy of a first column anywhere: what is a millionth of a millionth of it is
     rounding."""
     result: dict[str, float] = {}
-    model = search.model([])
-    for group in search.groups:
+    model = scores.model([])
+    for group in scores.groups:
         _, energy = model.remaining(group)
         for k, number in enumerate(group.candidates):
-            name = _effect(search, int(number))
+            name = _effect(scores, int(number))
             result[name] = max(result.get(name, 0.0), float(energy[k, 0]))
     return result

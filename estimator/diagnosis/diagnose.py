@@ -17,6 +17,7 @@ from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import FALSE_ALARM, Cause, Search
 from estimator.diagnosis.torques import (
     left_out_power,
@@ -57,21 +58,21 @@ def diagnose(
     """
     evidence = gather(body, trajectories, tolerance)
     given, body = body, evidence.design.body
-    search = Search(evidence.design, evidence.blocks, evidence.folds)
-    causes = search.run()
-    causes = _explaining(search, causes)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    causes = Search(scores).run()
+    causes = _explaining(scores, causes)
     chosen = [cause.candidate for cause in causes]
-    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, search.weights)
-    findings = tuple(_finding(evidence, search, refined, number, cause, causes) for number, cause in enumerate(causes))
-    unexplained = _unexplained(evidence, search, refined, chosen)
-    sizes, units = smallest_detectable(search, chosen)
+    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+    findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
+    unexplained = _unexplained(evidence, scores, refined, chosen)
+    sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,
         verdict=_verdict(findings, unexplained),
         findings=findings,
         unexplained=unexplained,
         torque_residual=_residuals(evidence, refined),
-        held_out=_held_out(evidence, search, refined, body, hold_out),
+        held_out=_held_out(evidence, scores, refined, body, hold_out),
         smallest_detectable=sizes,
         detectable_units=units,
         notes=tuple(_notes(evidence, given)),
@@ -81,37 +82,37 @@ def diagnose(
     )
 
 
-def _explaining(search: Search, causes: Sequence[Cause]) -> list[Cause]:
+def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
-    left = np.maximum(search.excess(chosen) - 1.0, 0.0)
+    left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
     result = []
     for cause in causes:
-        channels = list(search.design.candidates[cause.candidate].channels)
-        others = [k for k in chosen if search.owner[k] != search.owner[cause.candidate]]
-        explained = search.excess(others) - search.excess(chosen)
+        channels = list(scores.design.candidates[cause.candidate].channels)
+        others = [k for k in chosen if scores.owner[k] != scores.owner[cause.candidate]]
+        explained = scores.excess(others) - scores.excess(chosen)
         if np.any(explained[channels] > np.maximum(left[channels], 0.0) * (left[channels] > _VISIBLE)):
             result.append(cause)
     return result
 
 
 def _finding(
-    evidence: Evidence, search: Search, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]
+    evidence: Evidence, scores: Scores, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]
 ) -> Finding:
-    design = search.design
+    design = scores.design
     hypothesis = design.hypotheses[design.candidates[cause.candidate].hypothesis]
-    rivals = tuple(Alternative((h := _of(search, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives)
+    rivals = tuple(Alternative((h := _of(scores, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives)
     near = rivals[:_SHOWN]
     within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
     ambiguous = bool(within)
     fitted = refined.design.candidates[number]
     others = [c.candidate for c in causes if c is not cause]
     channels = list(fitted.channels)
-    rows = search.total.rows
-    with_it = search.model([c.candidate for c in causes]).squares()[channels].sum() / rows
-    without = search.model(others).squares()[channels].sum() / rows
-    bound = max(search.model([]).squares()[channels].sum() / rows - len(channels), 1e-12)
+    rows = scores.total.rows
+    with_it = scores.model([c.candidate for c in causes]).squares()[channels].sum() / rows
+    without = scores.model(others).squares()[channels].sum() / rows
+    bound = max(scores.model([]).squares()[channels].sum() / rows - len(channels), 1e-12)
     return Finding(
         effect=hypothesis.effect.name,
         place=hypothesis.place,
@@ -126,52 +127,52 @@ def _finding(
         rivals=rivals,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
-        contest=_contest(evidence, search, cause, others, len(within)) if ambiguous else None,
+        contest=_contest(evidence, scores, cause, others, len(within)) if ambiguous else None,
     )
 
 
-def _contest(evidence: Evidence, search: Search, cause: Cause, others: Sequence[int], count: int) -> Contest:
+def _contest(evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[int], count: int) -> Contest:
     """Of a cause with the ``count`` nearest of its alternatives."""
     within = [cause.candidate, *(a.candidate for a in cause.alternatives[:count])]
-    return contest(search, evidence, others, [int(search.owner[k]) for k in within])
+    return contest(scores, evidence, others, [int(scores.owner[k]) for k in within])
 
 
-def _of(search: Search, candidate: int) -> Hypothesis:
-    return search.design.hypotheses[search.design.candidates[candidate].hypothesis]
+def _of(scores: Scores, candidate: int) -> Hypothesis:
+    return scores.design.hypotheses[scores.design.candidates[candidate].hypothesis]
 
 
 def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
     return hypothesis.effect.experiment_at(hypothesis.place, body)
 
 
-def _unexplained(evidence: Evidence, search: Search, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
+def _unexplained(evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
     """Torques whose residual is beyond the noise: as a whole, or as a function of one quantity."""
-    rows = search.total.rows
-    before = search.model([]).squares() / rows
+    rows = scores.total.rows
+    before = scores.model([]).squares() / rows
     after = refined.model.squares() / rows
     freedom = evidence.noise.degrees_of_freedom or np.inf
     error = np.sqrt(2.0 / rows + 2.0 / freedom)
-    maps = search.ranked(chosen, maps=True)
+    maps = scores.ranked(chosen, maps=True)
     result = {}
     for channel in torque_channels(evidence.design):
         joint = evidence.grid.channels[channel].index
         explainable = max(before[channel] - 1.0, after[channel] - 1.0, error)
-        own = [(k, gain, net) for k, gain, net in maps if _of(search, k).place.joint == joint]
+        own = [(k, gain, net) for k, gain, net in maps if _of(scores, k).place.joint == joint]
         candidate, gain, net = own[0]
-        told = net > 0.0 and search.chance.false_alarm(int(search.owner[candidate]), gain) < FALSE_ALARM
+        told = net > 0.0 and scores.chance.false_alarm(int(scores.owner[candidate]), gain) < FALSE_ALARM
         # An assumed noise has an assumed colour: within it no pattern is more than that.
         told = told and (evidence.noise.playings > 0 or after[channel] > 1.0)
-        share = max(after[channel] - 1.0, 2.0 * gain / (search.weights[channel] * rows) if told else 0.0) / explainable
+        share = max(after[channel] - 1.0, 2.0 * gain / (scores.weights[channel] * rows) if told else 0.0) / explainable
         if told or after[channel] > 1.0 + max(_SIGNIFICANT * error, _VISIBLE):
             result[joint] = Unexplained(
-                float(min(share, 1.0)), _signature(search, candidate) if told else "of no single quantity"
+                float(min(share, 1.0)), _signature(scores, candidate) if told else "of no single quantity"
             )
     return result
 
 
-def _signature(search: Search, candidate: int) -> str:
-    hypothesis = _of(search, candidate)
-    whose = "" if hypothesis.place.other is None else f" of {search.design.body.joints[hypothesis.place.other]}"
+def _signature(scores: Scores, candidate: int) -> str:
+    hypothesis = _of(scores, candidate)
+    whose = "" if hypothesis.place.other is None else f" of {scores.design.body.joints[hypothesis.place.other]}"
     return hypothesis.effect.name.replace("map of", "a function of") + whose
 
 
@@ -195,7 +196,7 @@ def _residuals(evidence: Evidence, refined: Refined) -> tuple[Residual, ...]:
 
 
 def _held_out(
-    evidence: Evidence, search: Search, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]
+    evidence: Evidence, scores: Scores, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]
 ) -> HeldOut:
     design = refined.design
     chosen = torque_channels(design)
@@ -211,7 +212,7 @@ def _held_out(
         whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
         whole = total(plain)
         before = residual_power(design, whole, np.zeros(design.size))
-        after = left_out_power(design, search.weights, whitened, plain, evidence.folds)
+        after = left_out_power(design, scores.weights, whitened, plain, evidence.folds)
     variance = evidence.noise.rms[chosen] ** 2
     freedom = evidence.noise.degrees_of_freedom or np.inf
     least = _SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))

@@ -15,7 +15,7 @@ from estimator.diagnosis.first_body import first_body
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, sum_up
-from estimator.diagnosis.maps import map_places
+from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.stretches import Grid, Stretch, make_grid, stretches
@@ -66,7 +66,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
         for place in effect.places(body)
         if _told_of(given, effect, place)
     ]
-    hypotheses += [Hypothesis(map_, place) for map_, place in map_places(body.n)]
+    hypotheses += [Hypothesis(drawn, place) for drawn in MAPS for place in drawn.places(body)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)

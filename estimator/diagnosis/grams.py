@@ -67,10 +67,14 @@ def total(blocks: Sequence[Block]) -> Block:
     return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)
 
 
-def less(whole: Block, blocks: Sequence[Block]) -> Block:
-    """A sum without some of its blocks."""
-    grams = [gram.copy() for gram in whole.grams]
-    for block in blocks:
-        for gram, more in zip(grams, block.grams, strict=True):
-            gram -= more
-    return Block(whole.recording, whole.rows - sum(block.rows for block in blocks), grams)
+def without_each(whole: Block, blocks: Sequence[Block], folds: Sequence[int]) -> list[Block]:
+    """For each fold, ascending, the sum ``whole`` of all blocks without the fold's own."""
+    result = []
+    for fold in sorted(set(folds)):
+        grams = [gram.copy() for gram in whole.grams]
+        out = [block for block, own in zip(blocks, folds, strict=True) if own == fold]
+        for block in out:
+            for gram, more in zip(grams, block.grams, strict=True):
+                gram -= more
+        result.append(Block(whole.recording, whole.rows - sum(block.rows for block in out), grams))
+    return result

@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.effects import JointEffect, Parameters, Place, Scales, Signals
+from estimator.effects import Law, Parameters, Place, Scales, Signals
+from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
@@ -20,19 +21,32 @@ _REACH = 2.5
 """rms speeds, accelerations, torques to which a map reaches."""
 
 
-class Map(JointEffect):
-    """Torque of a joint as a function of one quantity. ``quantity`` of another joint: ``place.other``."""
+class Map(Law):
+    """Torque of a joint as a function of one quantity, its own or each neighbour's."""
 
     units: ClassVar = {}
     experiment = "repeat the motion at another speed"
 
-    def __init__(self, quantity: str) -> None:
-        self.quantity = quantity
+    def __init__(self, quantity: str, of_neighbour: bool = False) -> None:
+        self.quantity, self.of_neighbour = quantity, of_neighbour
         self.name = f"map of {quantity}"  # type: ignore[misc]
+
+    def places(self, body: RigidBody) -> list[Place]:
+        if not self.of_neighbour:
+            return [Place(joint) for joint in range(body.n)]
+        pairs = [(joint, joint + step) for joint in range(body.n) for step in (-1, 1)]
+        return [Place(joint, other=other) for joint, other in pairs if 0 <= other < body.n]
+
+    @staticmethod
+    def source(place: Place) -> int:
+        """The joint whose quantity it is."""
+        joint = place.joint if place.other is None else place.other
+        assert joint is not None
+        return joint
 
     def grid(self, place: Place, scales: Scales) -> Array:
         """theta is the knots, so that all recordings share them."""
-        joint = self.joint(place) if place.other is None else place.other
+        joint = self.source(place)
         if self.quantity == "time":
             return np.linspace(0.0, scales.duration, _KNOTS)[None]
         if self.quantity in ("angle", "friction along the angle"):
@@ -41,7 +55,7 @@ class Map(JointEffect):
         return np.asarray(rms * np.linspace(-_REACH, _REACH, _KNOTS))[None]
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        joint = self.joint(place) if place.other is None else place.other
+        joint = self.source(place)
         channel = {
             "time": signals.t,
             "angle": signals.q[:, joint],
@@ -62,27 +76,13 @@ class Map(JointEffect):
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         return {}
 
-    def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        raise NotImplementedError("a map is no law")
-
 
 def hats(x: Array, knots: Array) -> Array:
     """(samples, knots) weights of straight interpolation between knots; beyond the ends the end knots hold."""
     return np.array([np.interp(x, knots, unit) for unit in np.eye(len(knots))]).T
 
 
-OWN = tuple(Map(q) for q in ("angle", "speed", "acceleration", "torque", "time", "friction along the angle"))
-OTHERS = tuple(Map(q) for q in ("angle", "speed"))
-
-
-def map_places(joints: int) -> list[tuple[Map, Place]]:
-    """All maps of an arm."""
-    own = [(m, Place(joint)) for joint in range(joints) for m in OWN]
-    others = [
-        (m, Place(joint, other=other))
-        for joint in range(joints)
-        for other in range(joints)
-        if abs(other - joint) == 1
-        for m in OTHERS
-    ]
-    return own + others
+MAPS = (
+    *(Map(quantity) for quantity in ("angle", "speed", "acceleration", "torque", "time", "friction along the angle")),
+    *(Map(quantity, of_neighbour=True) for quantity in ("angle", "speed")),
+)

@@ -7,10 +7,21 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from config import InputError
-from estimator.effects.effect import Effect, Equation, JointEffect, Parameters, Place
+from estimator.effects.effect import Effect, Equation, JointEffect, Law, Parameters, Place
 from estimator.effects.signals import Scales, Signals
 
-__all__ = ["Effect", "Equation", "JointEffect", "Parameters", "Place", "Scales", "Signals", "catalogue", "effect"]
+__all__ = [
+    "Effect",
+    "Equation",
+    "JointEffect",
+    "Law",
+    "Parameters",
+    "Place",
+    "Scales",
+    "Signals",
+    "catalogue",
+    "effect",
+]
 
 
 @cache

@@ -9,7 +9,8 @@ fixed:
 
 An error of a sensor enters by the model's derivative with respect to that sensor (`Signals.by_angle_error`).
 Everything else (evidence, errors, confusion, the smallest size that would be seen) follows from the columns alone, so
-a new effect is a new file with one subclass of `Effect`.
+a new effect is a new file with one subclass of `Effect`. A `Law` is the part of it that a search for causes
+needs; maps have no more.
 """
 
 from __future__ import annotations
@@ -47,15 +48,15 @@ class Place:
     """The second joint of a pair."""
 
 
-class Effect(ABC):
-    """One cause. Stateless: the same object serves all places and recordings.
+class Law(ABC):
+    """What an equation of motion may have beside the given model, as columns: all that the search for causes looks at.
 
-    ``name`` and the keys of ``units`` (parameter → unit) are those of the catalogue.
+    Stateless: the same object serves all places and recordings.
     """
 
     name: ClassVar[str]
     units: ClassVar[Mapping[str, str]]
-    confused_with: ClassVar[tuple[str, ...]] = ()
+    """Of its parameters."""
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
     experiment: ClassVar[str]
@@ -110,6 +111,15 @@ class Effect(ABC):
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         """The catalogue's parameters of theta (p,) and coefficients (c,)."""
 
+
+class Effect(Law):
+    """One cause.
+
+    ``name`` and the keys of ``units`` (parameter → unit) are those of the catalogue.
+    """
+
+    confused_with: ClassVar[tuple[str, ...]] = ()
+
     @abstractmethod
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""
@@ -128,10 +138,9 @@ class Effect(ABC):
         result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
         return result
 
+    @abstractmethod
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        """Put the effect into the twin's plant. An effect of the wrench channel leaves the motion as it is."""
-        if self.equation_at(place) != "wrench":
-            raise NotImplementedError(f"{self.name} does not say how it moves the simulated arm")
+        """Put the effect into the twin's plant."""
 
     def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
         """`simulate` of an effect that was fitted with these `hidden` entries of theta.
@@ -168,6 +177,9 @@ class WrenchEffect(Effect):
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(6))
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        """The plant moves as before: what a wrist sensor reads is no force on the arm."""
 
     @staticmethod
     def wrench(signals: Signals) -> Array:

@@ -13,7 +13,7 @@ from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experiment
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.scores import Scores
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.excitation import MotionLimits
 
@@ -54,14 +54,14 @@ def one_swing(amplitude: Sequence[float], hertz: float = 0.25) -> tuple[Array, A
     return t, 0.3 + a * s, a * w * c, -a * w**2 * s
 
 
-def gathered(arm: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Evidence, Search]:
+def gathered(arm: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Evidence, Scores]:
     evidence = gather(arm, trajectories, 0.02)
-    return evidence, Search(evidence.design, evidence.blocks, evidence.folds)
+    return evidence, Scores(evidence.design, evidence.blocks, evidence.folds)
 
 
-def between(search: Search, evidence: Evidence, rivals: Sequence[tuple[str, Place]]) -> Contest:
-    known = [(h.effect.name, h.place) for h in search.design.hypotheses]
-    return contest(search, evidence, [], [known.index(rival) for rival in rivals])
+def between(scores: Scores, evidence: Evidence, rivals: Sequence[tuple[str, Place]]) -> Contest:
+    known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
+    return contest(scores, evidence, [], [known.index(rival) for rival in rivals])
 
 
 def kinds_by_gap(contested: Contest, limits: MotionLimits, pair: tuple[int, int] = (0, 1)) -> dict[str, float]:
@@ -106,8 +106,8 @@ def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
 ) -> None:
     law, rival, (amplitude, hertz), telling, idle = PAIRS[name]
     so_far = [measured(arm, law, one_swing(amplitude, hertz), seed) for seed in range(2)]
-    evidence, search = gathered(arm, so_far)
-    contested = between(search, evidence, [law[:2], rival])
+    evidence, scores = gathered(arm, so_far)
+    contested = between(scores, evidence, [law[:2], rival])
     before = contested.support(contested.known)
     assert before[0] - before[1] < 10.0, "these recordings decide already"
     gaps = kinds_by_gap(contested, limits)
@@ -127,8 +127,8 @@ def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
 
 def test_no_motion_is_given_where_the_limits_leave_none_that_decides(arm: RigidBody) -> None:
     law: Law = ("joint_spring", JOINT, {"stiffness": 0.5, "centre": 0.0})
-    evidence, search = gathered(arm, [measured(arm, law, one_swing([0.1, 0.1, 0.1]), seed) for seed in range(2)])
-    contested = between(search, evidence, [law[:2], ("base_tilt", Place())])
+    evidence, scores = gathered(arm, [measured(arm, law, one_swing([0.1, 0.1, 0.1]), seed) for seed in range(2)])
+    contested = between(scores, evidence, [law[:2], ("base_tilt", Place())])
     narrow = MotionLimits(np.full(3, 0.29), np.full(3, 0.31), np.full(3, 0.05), np.full(3, 0.2))
     assert design_experiment(contested, narrow, np.full(3, 0.3)) is None
 

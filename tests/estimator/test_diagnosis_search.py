@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
 Array = NDArray[np.float64]
@@ -31,35 +32,35 @@ def evidence(
 
 
 @pytest.fixture
-def search(evidence: Evidence) -> Search:
-    return Search(evidence.design, evidence.blocks, evidence.folds)
+def scores(evidence: Evidence) -> Scores:
+    return Scores(evidence.design, evidence.blocks, evidence.folds)
 
 
-def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(scores: Scores, monkeypatch: pytest.MonkeyPatch) -> None:
     def nothing(_: Search, chosen: Sequence[int]) -> list[int]:
         return []
 
     monkeypatch.setattr(Search, "_pruned", nothing)
-    assert search.run() == []
+    assert Search(scores).run() == []
 
 
-def test_what_is_remembered_is_forgotten_at_other_weights(search: Search) -> None:
-    before = search.gains([]).copy()
-    assert search.run()
-    chosen = [cause.candidate for cause in search.run()]
-    search.reweigh(chosen)
-    weighted = search.gains([])
-    np.testing.assert_allclose(weighted, search.model([]).gains(search.groups)[0])
-    search.weights = np.ones_like(search.weights)
-    search.reweigh([])
-    assert np.all(search.weights < 0.9)
-    assert not np.allclose(search.gains([])[np.isfinite(before)], before[np.isfinite(before)])
+def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> None:
+    before = scores.gains([]).copy()
+    chosen = [cause.candidate for cause in Search(scores).run()]
+    assert chosen
+    scores.reweigh(chosen)
+    weighted = scores.gains([])
+    np.testing.assert_allclose(weighted, scores.model([]).gains(scores.groups)[0])
+    scores.weights = np.ones_like(scores.weights)
+    scores.reweigh([])
+    assert np.all(scores.weights < 0.9)
+    assert not np.allclose(scores.gains([])[np.isfinite(before)], before[np.isfinite(before)])
 
 
-def test_friction_of_both_joints_is_found_with_motions_left_out(search: Search) -> None:
+def test_friction_of_both_joints_is_found_with_motions_left_out(scores: Scores) -> None:
     found = set()
-    for cause in search.run():
+    for cause in Search(scores).run():
         assert cause.held_out > 1.64
-        hypothesis = search.design.hypotheses[search.design.candidates[cause.candidate].hypothesis]
+        hypothesis = scores.hypothesis(cause.candidate)
         found.add(hypothesis.place.joint)
     assert found == {0, 1}

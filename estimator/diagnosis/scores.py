@@ -1,0 +1,140 @@
+"""The evidence about one design: how well any set of its candidates explains the recordings, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.chance import Chance, resample
+from estimator.diagnosis.conditional import Conditional, groups_of, products
+from estimator.diagnosis.design import Design, Hypothesis
+from estimator.diagnosis.grams import Block, total, without_each
+from estimator.diagnosis.left_out import gains_left_out
+from estimator.diagnosis.maps import Map
+
+Array = NDArray[np.float64]
+
+_SAME_ORDER = 0.5
+"""Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
+
+
+class Scores:
+    """Of candidates and sets of them, at the present weights of the channels; worked out once, and remembered."""
+
+    def __init__(self, design: Design, blocks: Sequence[Block], folds: Sequence[int]) -> None:
+        """``folds`` says for each block which fold it is left out with."""
+        self.design = design
+        self.total = total(blocks)
+        self.groups = groups_of(design)
+        self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
+        self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
+        self.weights = np.ones(len(design.channels))
+        self._training = without_each(self.total, blocks, folds)
+        self._sizes: dict[int, int] = {}
+        self._forget()
+        self.chance: Chance = resample(self.model([]), self.groups)
+
+    def _forget(self) -> None:
+        """At other weights nothing that was worked out holds any longer."""
+        self._supports: dict[frozenset[int], float] = {}
+        self._gains: dict[frozenset[int], Array] = {}
+        self._held_out: dict[tuple[int, frozenset[int]], float] = {}
+
+    def model(self, chosen: Sequence[int], block: Block | None = None) -> Conditional:
+        """The given model with these candidates, fitted at the present weights."""
+        columns = [self.design.candidates[k].columns for k in chosen]
+        active = np.concatenate([np.arange(self.design.given), *columns]).astype(np.intp)
+        return Conditional(self.design, block or self.total, self.weights, active)
+
+    def excess(self, chosen: Sequence[int]) -> Array:
+        """(channels,) mean square of the whitened residual: one where only noise is left."""
+        model = self.model(chosen)
+        return model.squares() / max(1.0, self.total.rows - len(model.active) / len(self.design.channels))
+
+    def reweigh(self, chosen: Sequence[int]) -> None:
+        """What is not explained counts as noise: a channel weighs the less the worse it is understood."""
+        self.weights = 1.0 / np.maximum(1.0, self.excess(chosen))
+        self._forget()
+
+    def size(self, candidate: int) -> int:
+        """Physical parameters of a candidate: what only shapes its columns, such as the width of a sign, is no freedom
+        that could stand for another cause."""
+        if candidate not in self._sizes:
+            self._sizes[candidate] = self._physical(candidate)
+        return self._sizes[candidate]
+
+    def _physical(self, candidate: int) -> int:
+        own = self.design.candidates[candidate]
+        if self.is_map[own.hypothesis]:
+            return len(own.columns)
+        neutral = self.design.hypotheses[own.hypothesis]
+        told = neutral.effect.parameters(neutral.place, own.theta, np.ones(len(own.columns)))
+        return min(len(own.columns) + len(own.theta), sum(np.size(value) for value in told.values()))
+
+    def penalty(self, chosen: Sequence[int]) -> float:
+        """Nats that a model's freedom costs (Bayesian information criterion)."""
+        unknowns = sum(self.size(k) for k in chosen)
+        return float(0.5 * np.log(self.total.rows) * unknowns)
+
+    def support(self, chosen: Sequence[int]) -> float:
+        """Log-likelihood of a model above the given one's, less its penalty."""
+        key = frozenset(chosen)
+        if key not in self._supports:
+            model = self.model(chosen)
+            explained = float(0.5 * (model.right[model.active] @ model.value))
+            self._supports[key] = explained - self.penalty(chosen)
+        return self._supports[key]
+
+    def gains(self, chosen: Sequence[int]) -> Array:
+        """(candidates,) log-likelihood that each candidate would add."""
+        key = frozenset(chosen)
+        if key not in self._gains:
+            self._gains[key] = self.model(chosen).gains(self.groups)[0]
+        return self._gains[key]
+
+    def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
+        """Best candidate of every other effect (or of every map), its gain and its gain less penalty, best first."""
+        gains = self.gains(chosen)
+        taken = {self.owner[k] for k in chosen if not self.recurs(k)}
+        best: dict[int, int] = {}
+        for k in np.argsort(-gains):
+            if self.owner[k] not in taken and self.is_map[self.owner[k]] == maps and np.isfinite(gains[k]):
+                if any(self.owner[k] == self.owner[c] and self.alike(int(k), c, _SAME_ORDER) for c in chosen):
+                    continue
+                best.setdefault(int(self.owner[k]), int(k))
+        rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
+        return sorted(rows, key=lambda row: -row[2])
+
+    def held_out(self, candidate: int, others: Sequence[int]) -> float:
+        """Log-likelihood that a candidate adds to the prediction of each fold from all others, summed, in standard
+        errors over the folds."""
+        key = (candidate, frozenset(others))
+        if key not in self._held_out:
+            columns = self.design.candidates[candidate].columns
+            models = [self.model(others, block) for block in (self.total, *self._training)]
+            gains = gains_left_out(models[0], models[1:], columns)
+            error = float(gains.std(ddof=1) * np.sqrt(len(gains)))
+            self._held_out[key] = float(gains.sum()) / max(error, 1e-12)
+        return self._held_out[key]
+
+    def hypothesis(self, candidate: int) -> Hypothesis:
+        """What a candidate is a form of."""
+        return self.design.hypotheses[self.design.candidates[candidate].hypothesis]
+
+    def recurs(self, candidate: int) -> bool:
+        """Whether its place can have the effect more than once."""
+        return bool(self.design.hypotheses[self.owner[candidate]].effect.recurs)
+
+    def alike(self, one: int, other: int, least: float) -> bool:
+        """Whether the other leaves less than this share of each column of the one in these data: then one can only
+        undo the other."""
+        first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
+        both = np.concatenate([first, second])
+        squares = products(self.design, self.total, self.weights, both, both)
+        cross, others = squares[: len(first), len(first) :], squares[len(first) :, len(first) :]
+        explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
+        energy = np.diag(squares)[: len(first)]
+        told = energy > 0.0
+        return bool(np.all(explained[told] > (1.0 - least) * energy[told]))
