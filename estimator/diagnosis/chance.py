@@ -69,16 +69,22 @@ def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
 
 
 def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
-    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns."""
+    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns.
+
+    A deviation d of the given model, of precision P, leaves A⁻¹P·d of itself where A is the active unknowns' normal
+    matrix; P·d is drawn, which is small where the given model is free.
+    """
     design: Design = model.design
     given = design.given
-    deviation = np.linalg.solve(np.linalg.cholesky(design.precision).T, random.standard_normal((given, DRAWS)))
+    pull = np.zeros((len(model.active), DRAWS))
+    pull[:given] = np.linalg.cholesky(design.precision) @ random.standard_normal((given, DRAWS))
     products = np.zeros((design.size, DRAWS))
     for channel, gram in enumerate(model.block.grams):
         members, weight = design.members[channel], model.weights[channel]
-        values, vectors = np.linalg.eigh(gram[:-1, :-1])
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        inner = gram[:-1, :-1]
+        # Columns of very different size: rounding of the largest must not be the noise of the smallest.
+        norms = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(inner / np.outer(norms, norms))
+        root = norms[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
-        own = members[members < given]
-        products[members] += weight * gram[:-1, : len(own)] @ deviation[own]
-    return np.asarray(products - model.cross.T @ model.solve(products[model.active]))
+    return np.asarray(products - model.cross.T @ model.solve(products[model.active] - pull))
