@@ -73,7 +73,7 @@ class Contest:
         """
         signals = Signals.of_motion(self.design.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
-        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing), SAMPLES_A_ROW, self.noise)
+        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, self.noise)
         return Block(0, playings * rows[0].shape[1], [playings * x @ x.T for x in rows])
 
     def support(self, block: Block) -> Array:

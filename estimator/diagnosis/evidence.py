@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from estimator.diagnosis.grams import Block, sum_up
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
-from estimator.diagnosis.stretches import Grid, Stretch, make_grid, stretches
+from estimator.diagnosis.stretches import Grid, Stretch, make_grid, mean_power, stretches
 from estimator.diagnosis.tolerance import given_precision
 from estimator.effects import Effect, Place, Scales, catalogue
 from estimator.filtering import Decimator
@@ -68,6 +68,8 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     ]
     hypotheses += [Hypothesis(drawn, place) for drawn in MAPS for place in drawn.places(body)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
+    # Torques are the first channels, one a joint.
+    scales = replace(scales, tau=np.sqrt(mean_power(pieces)[: body.n]))
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
@@ -114,10 +116,7 @@ def _unseen(grid: Grid, pieces: Sequence[Stretch], decimations: Sequence[int], s
     recurs, and what nothing is computed more exactly than."""
     rounded = [Decimator(d)(piece.rounding.T).T for piece, d in zip(pieces, decimations, strict=True)]
     covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
-    for k, channel in enumerate(grid.channels):
-        whole = [p.signals.torque if channel.equation == "torque" else p.signals.dq for p in pieces]
-        power = np.mean(np.concatenate(whole)[:, channel.index] ** 2)
-        covariance[k, 0] += _EXACT**2 * power
+    covariance[:, 0] += _EXACT**2 * mean_power(pieces)
     return np.asarray(covariance)
 
 

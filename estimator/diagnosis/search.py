@@ -66,23 +66,28 @@ class Search:
             chosen = grown
             seen.add(frozenset(chosen))
             self.scores.reweigh(chosen)
-        chosen = self._pruned(self._swapped(chosen))
+        chosen = self._telling(self._standing(self._pruned(self._swapped(chosen))))
         return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
 
     def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
         """What the model may become by one more cause, the best supported first; nothing when none is supported."""
-        for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
+        for candidate, _, supported in self.scores.ranked(chosen)[:_TRIED]:
             if supported <= 0.0:
                 return
-            # The dearest question last: a fit to each fold.
-            if (
-                self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
-                and self._matters(candidate, chosen)
-                and self._apart(candidate, chosen)
-                and self.scores.held_out(candidate, chosen) > _HELD_OUT
-            ):
+            if self._admitted(candidate, chosen):
                 grown = [*chosen, candidate]
                 yield self._pruned(self._merged(self._simplified(grown), self._joint(candidate)))
+
+    def _admitted(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, and borne out by rows
+        left out. The dearest question last: a fit to each fold."""
+        gain = float(self.scores.gains(chosen)[candidate])
+        return (
+            self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
+            and self._matters(candidate, chosen)
+            and self._apart(candidate, chosen)
+            and self.scores.held_out(candidate, chosen) > _HELD_OUT
+        )
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
@@ -183,21 +188,65 @@ class Search:
                 if k not in chosen:
                     continue
                 others = [c for c in chosen if c != k]
-                rivals = [row for row in self.scores.ranked(others)[:3] if row[0] not in chosen]
-                best = max((row[0] for row in rivals), key=lambda c: self.scores.support([*others, c]), default=k)
-                if self.scores.support([*others, best]) > self.scores.support([*others, k]):
+                rivals = [r.candidate for r in self._rivals(k, chosen)[:3] if r.gap < 0.0]
+                rivals = [r for r in rivals if self._admitted(r, others)]
+                best = max(rivals, key=lambda c: self.scores.support([*others, c]), default=k)
+                if self.scores.support([*others, best]) > self.scores.support(chosen):
                     chosen = self._simplified([*others, best])
             if set(before) == set(chosen):
                 break
         return chosen
 
+    def _rivals(self, candidate: int, chosen: list[int]) -> list[Alternative]:
+        """What could stand in a cause's stead, nearest first. What a rival explains beside the cause as well, it does
+        not explain in its stead. A freedom costs a nat here, what chance makes of it: that a law is simpler is no
+        evidence that it is true, but between a law and one that contains it."""
+        own, scores = self.scores.owner[candidate], self.scores
+        others = [c for c in chosen if c != candidate]
+        beside = {int(scores.owner[k]): max(gain, 0.0) for k, gain, _ in scores.ranked(chosen)}
+        rows = scores.ranked(others)
+        mine = next((row for row in rows if scores.owner[row[0]] == own), None)
+        if mine is None:
+            return []
+        result = []
+        for k, gain, supported in rows:
+            if scores.owner[k] == own:
+                continue
+            shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
+            nested = self._contained(candidate, k) or self._contained(k, candidate)
+            gap = mine[2] - supported if nested else mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+            result.append(Alternative(k, gap))
+        return sorted(result, key=lambda rival: rival.gap)
+
+    def _standing(self, chosen: list[int]) -> list[int]:
+        """Without causes that, given all others, do not improve what is predicted of rows left out, the worst first."""
+        while chosen:
+            worth = {k: self.scores.held_out(k, [c for c in chosen if c != k]) for k in chosen}
+            worst = min(worth, key=lambda k: worth[k])
+            if worth[worst] > _HELD_OUT:
+                break
+            chosen = [c for c in chosen if c != worst]
+        return chosen
+
+    def _telling(self, chosen: list[int]) -> list[int]:
+        """Without causes that explain a trifle of what any model could, wherever they act: they mend the others' forms,
+        and their names would mislead. All orders of a periodic law are judged as one."""
+        rows = self.scores.total.rows
+        before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
+        explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
+        result = []
+        for k in chosen:
+            others = [c for c in chosen if self.scores.owner[c] != self.scores.owner[k]]
+            lost = self.scores.model(others).squares() / rows - after
+            channels = list(self.design.candidates[k].channels)
+            if np.any(lost[channels] > _LEAST_SHARE * explainable[channels]):
+                result.append(k)
+        return result
+
     def _judged(self, candidate: int, chosen: list[int]) -> Cause:
         others = [c for c in chosen if c != candidate]
-        own = self.scores.owner[candidate]
-        rows = self.scores.ranked(others)
-        mine = next((row for row in rows if self.scores.owner[row[0]] == own), None)
-        gain = mine[1] if mine is not None else 0.0
-        supported = mine[2] if mine is not None else 0.0
-        alternatives = tuple(Alternative(k, supported - value) for k, _, value in rows if self.scores.owner[k] != own)
-        false_alarm = self.scores.chance.false_alarm(int(own), gain)
-        return Cause(candidate, gain, false_alarm, self.scores.held_out(candidate, others), alternatives)
+        own = int(self.scores.owner[candidate])
+        gain = next((row[1] for row in self.scores.ranked(others) if self.scores.owner[row[0]] == own), 0.0)
+        false_alarm = self.scores.chance.false_alarm(own, gain)
+        held_out = self.scores.held_out(candidate, others)
+        return Cause(candidate, gain, false_alarm, held_out, tuple(self._rivals(candidate, chosen)))

@@ -52,6 +52,8 @@ class Stretch:
     """(samples, channels) measured less the given model's."""
     rounding: Array
     """(samples, channels) a realisation of what the rounding of the angles to counts adds to the residual."""
+    power: Array
+    """(channels,) mean square of what was measured."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,8 @@ def _stretch(
     speed = None if trajectory.dq is None else smoothed(trajectory.dq)
     calm = _calm_motion(grid, plan, measured)
     still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
-    signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), tau, speed)
+    # Without the measured torque: in a column its noise is the residual's, and would be taken for evidence.
+    signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), dq_measured=speed)
     # The same motion with its rounding errors twice: what they add.
     smooth = motion.q
     error = np.pad(rounding(smooth, grid.count, np.random.default_rng(0)), ((plan.edge, plan.edge), (0, 0)), "reflect")
@@ -129,7 +132,13 @@ def _stretch(
         else:
             assert speed is not None
             residual[:, k], rounded[:, k] = speed[:, j] - dq[:, j], dq[:, j] - more[1][:, j]
-    return Stretch(recording, signals, residual, rounded)
+    size = np.array([np.mean((tau if c.equation == "torque" else dq)[:, c.index] ** 2) for c in grid.channels])
+    return Stretch(recording, signals, residual, rounded, size)
+
+
+def mean_power(pieces: Sequence[Stretch]) -> Array:
+    """(channels,) mean square of what was measured, over all stretches."""
+    return np.average([piece.power for piece in pieces], axis=0, weights=[piece.signals.samples for piece in pieces])
 
 
 def _calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
