@@ -249,4 +249,6 @@ class Search:
         gain = next((row[1] for row in self.scores.ranked(others) if self.scores.owner[row[0]] == own), 0.0)
         false_alarm = self.scores.chance.false_alarm(own, gain)
         held_out = self.scores.held_out(candidate, others)
-        return Cause(candidate, gain, false_alarm, held_out, tuple(self._rivals(candidate, chosen)))
+        # A rival that fits better and was not admitted is no better than the cause.
+        rivals = (Alternative(r.candidate, max(r.gap, 0.0)) for r in self._rivals(candidate, chosen))
+        return Cause(candidate, gain, false_alarm, held_out, tuple(rivals))

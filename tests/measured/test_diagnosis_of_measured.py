@@ -11,6 +11,7 @@ from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
     kinova_drive_trains,
+    kuka_diagnosed,
     number,
     odrive_diagnosed,
     panda_diagnosed,
@@ -76,3 +77,11 @@ def test_the_kinova_s_currents_and_sensors_differ_by_friction() -> None:
     assert sum(train.coulomb.told and train.coulomb.value > 0.0 for train in trains) >= 3
     assert sum(train.viscous.told and train.viscous.value > 0.0 for train in trains) >= 4
     assert not any(train.rotor_inertia.told for train in trains)
+
+
+def test_the_kuka_s_friction_is_named_on_every_axis() -> None:
+    """Its URDF has no masses: what the recordings do not tell of its links must not decide."""
+    needs("kuka_kr300")
+    found = kuka_diagnosed()
+    assert {f.place.joint for f in found.findings if f.effect in FRICTION} == set(range(6))
+    assert found.held_out.after < 0.5 * found.held_out.before
