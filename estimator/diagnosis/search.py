@@ -54,7 +54,14 @@ class Search:
 
     def run(self) -> list[Cause]:
         """All causes, the one with most evidence first."""
-        chosen: list[int] = []
+        chosen = self._grown([])
+        if (divided := self._divided(chosen)) != chosen:
+            chosen = self._grown(divided)
+        chosen = self._telling(self._standing(self._pruned(self._swapped(chosen))))
+        return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
+
+    def _grown(self, chosen: list[int]) -> list[int]:
+        """With one more cause after the other, as long as any is supported."""
         self.scores.reweigh(chosen)
         limit = _MOST_CAUSES_A_JOINT * self.design.body.n
         # A cause that is put in another's place, or taken out again, must not come back for ever.
@@ -66,8 +73,7 @@ class Search:
             chosen = grown
             seen.add(frozenset(chosen))
             self.scores.reweigh(chosen)
-        chosen = self._telling(self._standing(self._pruned(self._swapped(chosen))))
-        return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
+        return chosen
 
     def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
         """What the model may become by one more cause, the best supported first; nothing when none is supported."""
@@ -163,6 +169,25 @@ class Search:
                     if (value := self.scores.support(trial)) > support:
                         best, support = trial, value
         return best
+
+    def _divided(self, chosen: list[int]) -> list[int]:
+        """A cause that two joints share, in causes of their own, where those are better supported."""
+        for k in chosen:
+            place = self.scores.hypothesis(k).place
+            if place.other is None:
+                continue
+            trial = [c for c in chosen if c != k]
+            for joint in (place.joint, place.other):
+                own = [row[0] for row in self.scores.ranked(trial) if self._alone_at(row[0], joint)][:_TRIED]
+                admitted = next((c for c in own if self._admitted(c, trial)), None)
+                trial = trial if admitted is None else [*trial, admitted]
+            if self.scores.support(trial) > self.scores.support(chosen):
+                chosen = trial
+        return chosen
+
+    def _alone_at(self, candidate: int, joint: int | None) -> bool:
+        place = self.scores.hypothesis(candidate).place
+        return place.joint == joint and place.other is None
 
     def _joint(self, candidate: int) -> int | None:
         return self.scores.hypothesis(candidate).place.joint
