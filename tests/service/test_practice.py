@@ -218,3 +218,10 @@ def test_practice_through_the_arm_is_stopped_taken_up_and_played(running_house: 
     played = house.answer("run", short, "--feedforward", answer["feedforward"])
     assert max(e["position_peak"] for e in played["tracking_error"].values()) < 0.05
     assert read_recording(played["recording"]).tau_ff is not None
+    # What the session taught serves the same motion as well, and one nearby.
+    near = Path(short).with_name("near.toml")
+    near.write_text(SHORT.replace("3.0, 2.2, 1.2", "3.05, 2.15, 1.15"))
+    for motion in (short, str(near)):
+        taught = house.answer("run", motion, "--feedforward", answer["session"])
+        for joint, error in taught["tracking_error"].items():
+            assert error["position_peak"] < 1.2 * played["tracking_error"][joint]["position_peak"] + 1e-3
