@@ -230,7 +230,7 @@ CANOPEN = [
         resets=True,
     ),
     Scenario("CANopen", "spontaneous boot-up", _one("boot_up"), "stops", "restarted", 2, resets=True),
-    Scenario("CANopen", "drop to pre-operational", _one("nmt_drop"), "stops", "no feedback", LOST + 1, resets=True),
+    Scenario("CANopen", "drop to pre-operational", _one("nmt_drop"), "stops", "joint2:", LOST + 1, resets=True),
     Scenario("CANopen", "drop to stopped", _one("nmt_drop", to="stopped"), "stops", "", LOST + 1, resets=True),
     Scenario("CANopen", "emergency storm", _one("emergency_storm", duration_ms=100), "stops", "FF", 2, resets=True),
 ]
