@@ -120,7 +120,9 @@ def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     joints = tuple(body.joints[j] for j in scale)
     doubts: list[Doubt] = []
     if size > _DOUBTFUL or size < 1.0 / _DOUBTFUL:
-        units = "mA, mN·m or a raw count" if size > 1.0 else "A, or torques on the motor's side of the gear"
+        units = (
+            "mA, mN·m, kgf·cm or a raw count" if size > 1.0 else "A, kgf·m, or torques on the motor's side of the gear"
+        )
         problem = f"the torques are {size:.3g} times those of the URDF's masses: they may be {units}"
         remedy = "convert them to N·m at the joint (torque constant and gear ratio)"
         certain = size > _IMPOSSIBLE or size < 1.0 / _IMPOSSIBLE

@@ -22,6 +22,7 @@ def test_measured_recordings_are_not_doubted(folder: str) -> None:
     usable, doubts = without_unusable_torques(arm.body, list(arm.recordings.values()))
     assert [(doubt.kind, doubt.joints) for doubt in doubts] == DEAD.get(folder, [])
     assert examine(arm.body, usable) == []
+    assert examine(arm.body, usable, believed=True) == []
 
 
 def test_a_measured_recording_with_joints_out_of_order() -> None:
@@ -33,3 +34,20 @@ def test_a_measured_recording_with_joints_out_of_order() -> None:
     (doubt,) = examine(panda().body, [wrong])
     assert doubt.kind == "joint order"
     assert doubt.joints == ("joint3", "joint4")
+
+
+def test_a_measured_recording_altered() -> None:
+    """What only the given masses can tell: torques by themselves out of order, an angle's zero, a unit."""
+    if not is_here("franka_panda"):
+        pytest.skip("franka_panda is not in ../shared/data")
+    right, body = whole_panda(), panda().body
+    order, quarter = [0, 1, 3, 2, 4, 5, 6], np.where(np.arange(7) == 3, 0.5 * np.pi, 0.0)
+    altered = {
+        "torque order": replace(right, tau=right.tau[:, order]),
+        "angle zero": replace(right, q=right.q + quarter),
+        "torque scale": replace(right, tau=right.tau / 9.80665),
+    }
+    for kind, wrong in altered.items():
+        (doubt,) = examine(body, [wrong], believed=True)
+        assert doubt.kind == kind
+        assert doubt.wrong
