@@ -109,7 +109,7 @@ def least_us(installation: Installation, codec: PdoCodec, tpdos: list[bytes]) ->
     return best
 
 
-class Nowhere(can.BusABC):
+class Nowhere(can.BusABC):  # type: ignore[misc]
     """A bus that takes frames and gives none."""
 
     def __init__(self) -> None:
@@ -129,7 +129,8 @@ def canopen_us(installation: Installation) -> float:
     for joint in installation.joint:
         drive = installation.drive_of(joint)
         node = network.add_node(canopen.RemoteNode(joint.node_id, str(drive.eds)))
-        received, sent = [], []
+        received: list[canopen.pdo.PdoMap] = []
+        sent: list[canopen.pdo.PdoMap] = []
         for k, pdo in enumerate(pdo_maps(joint, drive, "csp")):
             pdo_map = (node.rpdo if pdo.receive else node.tpdo)[1 + k % 4]
             pdo_map.clear()

@@ -18,8 +18,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.figure import Figure
+from config.schema import Mode
 
-ARM, MOTION, MODE = "dda", "dda-practice", "csp"
+ARM, MOTION = "dda", "dda-practice"
+MODE: Mode = "csp"
 TRIALS = 10
 SEEDS = (0, 1, 2)
 PICTURE = Path(__file__).parent.parent / "docs" / "pictures" / "practice-operators.png"

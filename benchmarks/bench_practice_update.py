@@ -35,7 +35,7 @@ def child() -> None:
     model = load_inverse_model(None, installation)
     home = np.array(installation.arm.home_rad)
     period = 1e-3
-    t = np.arange(1501) * period
+    t = np.arange(1501, dtype=np.float64) * period
     motion = RestToRest(np.array([home, home + 0.4]), [1.5], 5).evaluate(t)
     reference = Reference.between_rests(*motion, period, 0, 0)
     kinematics = Kinematics(period, held=True, flat_hz=FLAT_HZ)

@@ -75,7 +75,7 @@ def mcap_ros2_cost_us(cycles: list[Cycle]) -> float:
     for cycle in cycles:
         seconds, nanoseconds = divmod(cycle.time_ns, 10**9)
         header = {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": ""}
-        message = {"header": header, "name": ["joint1", "joint2", "joint3"]}
+        message: dict[str, object] = {"header": header, "name": ["joint1", "joint2", "joint3"]}
         message |= {"position": cycle.q, "velocity": cycle.dq, "effort": cycle.tau}
         writer.write_message("/joint_states", schema, message, cycle.time_ns, cycle.time_ns)
     cost = time.process_time() - start
@@ -100,6 +100,7 @@ def loss_ms(installation: Installation, cycles: list[Cycle], folder: Path, name:
                 ring.publish(published, c.time_ns, 0, int(c.state), 1, valid, values, None, frames, c.serial, c.events)
                 published += 1
             time.sleep(0.0005)
+        assert recorder.pid is not None
         os.kill(recorder.pid, signal.SIGKILL)
     finally:
         recorder.close()

@@ -43,7 +43,7 @@ class Noise:
 
     def draw(self, random: np.random.Generator, samples: int, rate: float, deviation: Array | float) -> Array:
         """(samples, 3) N(0, density) in the band of this rate."""
-        frequency = np.fft.rfftfreq(samples, 1.0 / rate)
+        frequency: Array = np.asarray(np.fft.rfftfreq(samples, 1.0 / rate), dtype=np.float64)
         white = np.fft.rfft(random.normal(size=(samples, 3)), axis=0)
         shape = np.sqrt(self.density(frequency, 1.0) * rate)[:, None]
         return np.asarray(np.fft.irfft(white * shape, samples, axis=0) * deviation)
@@ -98,7 +98,7 @@ def bound(body: RigidBody, seeds: Sequence[int], rate: float, noise: Noise) -> A
 def _equation_noise(body: RigidBody, q: Array, dq: Array, ddq: Array, rate: float, noise: Noise) -> Array:
     """(3·N, 3·N) Σ_τ + T·P·Tᵀ of one periodic stretch, joint after joint."""
     count = len(q)
-    frequency = np.fft.fftfreq(count, 1.0 / rate)
+    frequency: Array = np.asarray(np.fft.fftfreq(count, 1.0 / rate), dtype=np.float64)
     omega = 2j * np.pi * frequency
     angle, velocity = (noise.density(frequency, x) for x in (noise.angle, noise.velocity))
     left = 1.0 / (1.0 / angle + np.abs(omega) ** 2 / velocity)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.design import Candidate, Hypothesis
 from estimator.diagnosis.quantities import unit_of
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import FALSE_ALARM
+from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,8 @@ def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, di
     the threshold, all other coefficients of the effect zero; and by effect the parameter's unit (two where some joints
     turn and others slide). What the motion cannot show at all is left out."""
     design, model = scores.design, scores.model(chosen)
-    threshold = -np.log(FALSE_ALARM / scores.chance.tests)
+    chance = -np.log(FALSE_ALARM / scores.chance.tests)
+    threshold = max(chance, 0.5 * LEAST_SEEN * scores.total.rows)
     result: dict[str, dict[int | None, float]] = {}
     units: dict[str, dict[str, None]] = {}
     strongest = _strongest(scores)

@@ -11,10 +11,14 @@ import numpy as np
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.scores import Scores
 
-FALSE_ALARM = 0.02
-"""Family-wise probability of a false alarm that a step may have."""
+FALSE_ALARM = 0.002
+"""Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
+is worked out from a noise that is itself estimated, and a diagnosis takes several steps."""
 _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
+LEAST_SEEN = 0.02
+"""Of the noise's variance in one of its channels, what a cause must explain: a seventh of its standard deviation.
+However long the recordings, the noise itself and the angles that columns are made of are known no better."""
 _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""
 _TOLD_APART = 0.01
@@ -97,9 +101,24 @@ class Search:
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
-        if any(self.scores.alike(candidate, k, _TOLD_APART) or self._contained(candidate, k) for k in chosen):
+        if any(self.scores.alike(candidate, k, _TOLD_APART) or self._excluded(candidate, k) for k in chosen):
             return False
         return not self._beyond_limits([*chosen, candidate], slack=2.0)
+
+    def _excluded(self, candidate: int, chosen: int) -> bool:
+        """Whether what was chosen leaves no room for a candidate."""
+        return self._contained(candidate, chosen) or self._elsewhere(candidate, chosen)
+
+    def _elsewhere(self, candidate: int, chosen: int) -> bool:
+        """Whether it is what was chosen in another channel of the same equation, which shows the difference of the two
+        alone: how late one is against the other."""
+        own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
+        return (
+            own.effect.name == other.effect.name
+            and own.place != other.place
+            and (own.place.joint, own.place.other) == (other.place.joint, other.place.other)
+            and own.effect.equation_at(own.place) == other.effect.equation_at(other.place)
+        )
 
     def _contained(self, candidate: int, chosen: int) -> bool:
         """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
@@ -254,8 +273,9 @@ class Search:
         return chosen
 
     def _telling(self, chosen: list[int]) -> list[int]:
-        """Without causes that explain a trifle of what any model could, wherever they act: they mend the others' forms,
-        and their names would mislead. All orders of a periodic law are judged as one."""
+        """Without causes that explain a trifle of what any model could, or of the noise, wherever they act: they mend
+        the others' forms, or the noise's, and their names would mislead. All orders of a periodic law are judged as
+        one."""
         rows = self.scores.total.rows
         before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
@@ -264,7 +284,7 @@ class Search:
             others = [c for c in chosen if self.scores.owner[c] != self.scores.owner[k]]
             lost = self.scores.model(others).squares() / rows - after
             channels = list(self.design.candidates[k].channels)
-            if np.any(lost[channels] > _LEAST_SHARE * explainable[channels]):
+            if np.any(lost[channels] > np.maximum(_LEAST_SHARE * explainable[channels], LEAST_SEEN)):
                 result.append(k)
         return result
 
