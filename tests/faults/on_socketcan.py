@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 
-from config import Installation, load_installation
+from config import load_installation
 from tests.faults.matrix import Seen, run
 from tests.faults.scenarios import SCENARIOS, Scenario
 
@@ -44,19 +44,24 @@ PART = frozenset(
 """Of each family some, for every `make test`; the whole is `make faults SOCKETCAN=1`."""
 
 
-def dda_on_socketcan() -> Installation:
-    """The direct drive arm with vcan0, vcan1 … for its buses, which are made, or brought up, where they are not."""
-    dda = load_installation("dda")
-    buses = []
-    for k, bus in enumerate(dda.bus):
-        interface = f"vcan{k}"
-        if subprocess.run(["ip", "link", "show", interface], capture_output=True, check=False).returncode:
-            subprocess.run(["ip", "link", "add", "dev", interface, "type", "vcan"], check=True)
-        subprocess.run(["ip", "link", "set", interface, "up"], check=True)
-        buses.append(bus.model_copy(update={"channel": f"socketcan:{interface}"}))
-    return dda.model_copy(update={"bus": tuple(buses)})
+def _up(interface: str) -> None:
+    if subprocess.run(["ip", "link", "show", interface], capture_output=True, check=False).returncode:
+        subprocess.run(["ip", "link", "add", "dev", interface, "type", "vcan"], check=True)
+    subprocess.run(["ip", "link", "set", interface, "up"], check=True)
 
 
 def run_on_socketcan(scenario: Scenario) -> Seen:
-    """One scenario on fresh interfaces."""
-    return run(dda_on_socketcan(), scenario)
+    """One scenario on the direct drive arm with vcan0, vcan1 … for its buses, which are up before it and after it.
+
+    An interface that the scenario takes down or away is so for nobody else.
+    """
+    dda = load_installation("dda")
+    interfaces = [f"vcan{k}" for k in range(len(dda.bus))]
+    for interface in interfaces:
+        _up(interface)
+    buses = (b.model_copy(update={"channel": f"socketcan:{i}"}) for b, i in zip(dda.bus, interfaces, strict=True))
+    try:
+        return run(dda.model_copy(update={"bus": tuple(buses)}), scenario)
+    finally:
+        for interface in interfaces:
+            _up(interface)
