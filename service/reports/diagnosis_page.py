@@ -7,7 +7,10 @@ from math import floor, log10
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from estimator.diagnosis.traces import Traces
+from service.diagnosis.sentences import FEW
 from service.reports.diagnosis_experiments import experiments_section, open_question
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
 from service.reports.link_tables import figure
@@ -88,14 +91,30 @@ def _finding(number: int, finding: Mapping[str, Any], traces: Traces | None) -> 
 
 
 def _parameters(finding: Mapping[str, Any]) -> Html:
+    parameters = finding["parameters"]
+    told = [name for name, quantity in parameters.items() if len(parameters) <= FEW or _stands_out(quantity)]
     rows = [
-        [name.replace("_", " "), *_with_error(quantity["value"], quantity["standard_error"]), quantity["unit"]]
-        for name, quantity in finding["parameters"].items()
+        [
+            name.replace("_", " "),
+            *_with_error(parameters[name]["value"], parameters[name]["standard_error"]),
+            parameters[name]["unit"],
+        ]
+        for name in told
     ]
+    if untold := [name.replace("_", " ") for name in parameters if name not in told]:
+        rows.append([", ".join(untold), "not told one by one", "", ""])
     evidence = finding["evidence"]
     rows.append(["evidence", figure(evidence["log_likelihood_gain"]), "", "nats"])
     rows.append(["chance of a false alarm", _chance(evidence["false_alarm_probability"]), "", ""])
     return table(["parameter", "value", "± std. error", "unit"], rows, numbers=(1, 2))
+
+
+def _stands_out(quantity: Mapping[str, Any]) -> bool:
+    """Words do, and figures by their errors; of many parameters the others cannot be told one by one."""
+    if isinstance(quantity["value"], str) or quantity["standard_error"] is None:
+        return True
+    values, errors = np.atleast_1d(quantity["value"]), np.atleast_1d(quantity["standard_error"])
+    return bool(np.any(np.abs(values) > 2.0 * errors))
 
 
 def _next(finding: Mapping[str, Any]) -> Html:
