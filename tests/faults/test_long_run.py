@@ -19,7 +19,7 @@ import pytest
 
 from config import Installation, load_installation
 from driver.bus.channel import RECEIVE_BYTES, Channel, open_channel
-from driver.bus.frames import FRAME
+from driver.bus.frames import FRAME_BYTES
 from driver.cyclic.cycle import LoopState
 from tests.faults.bench import Bench, Published, commissioned, standing_in
 
@@ -32,9 +32,12 @@ GROWN_KB = 4096
 """From then on, at most, however long it goes on."""
 FAULT_EVERY_MS = 1309.0
 """No multiple of a round's length: faults strike in every phase of it."""
+TOLD_EVERY_S = 60.0
 ENDS = 500
-CONFIGURES = range(0x580, 0x680)
-"""SDO: between the configuring master and the drives, not of the cycle."""
+DRAWN_UP_EVERY = 10
+"""Cycles from which the account is drawn up together."""
+CONFIGURES = frozenset((0, *range(0x580, 0x680)))
+"""NMT and SDO: between the configuring master and the drives, not of the cycle."""
 FAULTS: tuple[dict[str, Any], ...] = (
     {"kind": "drive_fault", "joint": "joint2", "code": 0x3210, "duration_ms": 5.0},
     {"kind": "frame_doubled", "joint": "joint1", "frame": "feedback", "duration_ms": 50.0},
@@ -53,7 +56,7 @@ class Account:
     is forgotten, so it is as long as the difference."""
 
     def __init__(self, installation: Installation) -> None:
-        self.open: list[Counter[tuple[int, bytes]]] = [Counter() for _ in installation.bus]
+        self.open: list[dict[bytes, int]] = [{} for _ in installation.bus]
         self.passed = [0 for _ in installation.bus]
         self.steps: Counter[int] = Counter()
         self.cycles = self.samples = 0
@@ -70,9 +73,9 @@ class Account:
                 self.steps[cycle.time_ns - self._last_ns] += 1
             self._last_ns = cycle.time_ns
             for bus, _, _, data in cycle.batches:
-                for frame in frames_in(data):
-                    self.passed[bus] += 1
-                    _count(self.open[bus], frame, 1)
+                frames = frames_in(data)
+                self.passed[bus] += len(frames)
+                _count(self.open[bus], frames, 1)
             if cycle.wrench is not None and cycle.wrench.fresh:
                 self.samples += 1
                 age = cycle.time_ns - cycle.wrench.stamp_ns
@@ -83,25 +86,24 @@ class Account:
 
     def heard(self, bus: int, data: bytes) -> None:
         """What the other controller received."""
-        for frame in frames_in(data):
-            _count(self.open[bus], frame, -1)
+        _count(self.open[bus], frames_in(data), -1)
 
     def unaccounted(self, bus: int) -> int:
         """Frames that only one of the two knows of."""
         return sum(map(abs, self.open[bus].values()))
 
 
-def _count(counter: Counter[tuple[int, bytes]], frame: tuple[int, bytes], by: int) -> None:
-    left = counter[frame] + by
-    if left:
-        counter[frame] = left
-    else:
-        del counter[frame]
+def _count(open_: dict[bytes, int], frames: list[bytes], by: int) -> None:
+    for frame in frames:
+        left = open_.pop(frame, 0) + by
+        if left:
+            open_[frame] = left
 
 
-def frames_in(data: bytes) -> list[tuple[int, bytes]]:
-    """(identifier, data) of each frame, but those that configure."""
-    return [(can_id, bytes(d[:n])) for can_id, n, d in FRAME.iter_unpack(data) if can_id not in CONFIGURES and can_id]
+def frames_in(data: bytes) -> list[bytes]:
+    """Each frame, but those that configure."""
+    frames = [data[at : at + FRAME_BYTES] for at in range(0, len(data), FRAME_BYTES)]
+    return [frame for frame in frames if int.from_bytes(frame[:4], "little") not in CONFIGURES]
 
 
 def drain(channel: Channel, buffer: bytearray) -> bytes:
@@ -158,20 +160,28 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
         account, sizes, endings = Account(dda), list[tuple[float, int]](), Counter[str]()
         inner = bench.loop.cycle
 
-        def cycle() -> None:
-            inner()
+        def draw_up() -> None:
             account.take(bench.kept.cycles)
             for bus, listener in enumerate(listeners):
                 account.heard(bus, drain(listener, buffer))
 
+        def cycle() -> None:
+            inner()
+            if len(bench.kept.cycles) >= DRAWN_UP_EVERY:
+                draw_up()
+
         bench.loop.cycle = cycle  # type: ignore[method-assign]
-        began_ns = arm.rig.now_ns
+        began_ns, told = arm.rig.now_ns, 1
         for number in itertools.count():
             endings[a_round(bench, number)] += 1
             seconds = (arm.rig.now_ns - began_ns) / 1e9
             sizes.append((seconds, resident_kb()))
+            if seconds > TOLD_EVERY_S * told:
+                told += 1
+                print(f"{seconds:.0f} s of virtual time, {sizes[-1][1]} kB", flush=True)
             if seconds > SECONDS:
                 break
+        draw_up()
         begun = Counter(fault.kind for _, fault in arm.injector.begun)  # type: ignore[attr-defined]
         print(
             f"\n{seconds:.0f} s of virtual time, {account.cycles} cycles, rounds {dict(endings)}, faults {dict(begun)}"
