@@ -105,11 +105,13 @@ class ArmLoop:
             os.close(fd)
         return run
 
-    def wait(self, run: int, poll_s: float = 0.02) -> LoopStatus:
-        """Wait until the run of that number has ended; the status then tells its outcome."""
+    def wait(self, run: int, poll_s: float = 0.02, told: Callable[[LoopStatus], None] | None = None) -> LoopStatus:
+        """Wait until the run of that number has ended; the status then tells its outcome. ``told`` hears each."""
         wake = threading.Event()
         while True:
             status = self.status()
+            if told is not None:
+                told(status)
             if status.last_run != run or status.run_outcome is not None:
                 return status
             wake.wait(poll_s)

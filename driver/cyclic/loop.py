@@ -15,6 +15,7 @@ from driver.cyclic.exchange import Begun, Exchange, LockstepExchange, open_excha
 from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.gate import COMMANDING, Gate
 from driver.cyclic.machine import ArmMachine
+from driver.cyclic.plan_start import require_inside
 from driver.cyclic.ring import RingWriter
 from driver.cyclic.slot import Batch, Serial
 from driver.cyclic.statistics import LoopStatistics
@@ -94,6 +95,7 @@ class CyclicLoop:
             self._settle()
         if self._lines is not None:
             self._lines.reopen_lost()
+        require_inside(self.installation, self._feedback)
         self.machine.enable(answer)
 
     def play(self, plan: Plan) -> int:

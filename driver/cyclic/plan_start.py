@@ -1,4 +1,4 @@
-"""Whether a plan can begin where the arm holds."""
+"""Whether the arm can be enabled where it stands, and a plan can begin where it holds."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from config import InputError, Installation
 from config.schema import Mode
+from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.reference import BLEND_S
 from driver.plan import Plan
 
@@ -15,6 +16,18 @@ LEAD_IN_SHARE = 0.05
 """Share of the velocity limit that closing the difference may use."""
 REST_SPEED_SHARE = 0.02
 """Share of the velocity limit below which a plan begins and ends at rest."""
+
+
+def require_inside(installation: Installation, feedback: ArmFeedback) -> None:
+    """Raises InputError when a joint stands outside its limits: it would be held there, which the gate refuses."""
+    for joint, angle, heard in zip(installation.joint, feedback.q, feedback.valid, strict=True):
+        low, high = joint.limits.position_rad
+        if heard and not low <= angle <= high:
+            raise InputError(
+                "arm",
+                f"cannot be enabled: {joint.name} stands at {angle:.4g} rad, outside its limits {low:g} to {high:g}",
+                "end the daemon and bring it back slowly with `etude return`, or move it by hand",
+            )
 
 
 def require_start(plan: Plan, installation: Installation, mode: Mode, q_held: Sequence[float]) -> float:

@@ -18,6 +18,7 @@ from service.cli import (
     models,
     practising,
     recorded,
+    returning,
     serving,
 )
 
@@ -38,6 +39,7 @@ app.command("check")(checking.check)
 app.command("status")(asking.status)
 app.command("stop")(asking.stop)
 app.command("reset")(asking.reset)
+app.command("return")(returning.return_inside)
 app.command("run")(asking.run)
 identifying.app.command("load")(identifying_load.load)
 app.add_typer(identifying.app, name="identify")

@@ -1,0 +1,32 @@
+"""The command `return`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from config.paths import run_directory
+from service.cli.console import progress, publish, say
+from service.cli.options import ArmOption, JsonOption, arm_to_start
+
+
+def return_inside(arm: ArmOption = None, json: JsonOption = None) -> None:
+    """Move joints that stand outside their limits slowly back inside. The daemon must not be running."""
+    from config import load_installation
+    from service.daemon.lock import ArmLock
+    from service.return_inside import bring_inside, in_lockstep, outside, where_it_stands
+
+    installation = load_installation(arm_to_start(arm))
+    lock = ArmLock(run_directory(), installation.arm.name)
+    try:
+        lockstep = in_lockstep(installation)
+        q = where_it_stands(installation, lockstep=lockstep)
+        found = outside(installation, q)
+        for one in found:
+            say(f"{one}; it is moved slowly to {one.to:.4g}")
+        if found:
+            with progress() as tell:
+                q = bring_inside(installation, q, lockstep=lockstep, progress=tell).q
+    finally:
+        lock.release()
+    answer = {"arm": installation.arm.name, "brought_inside": [asdict(one) for one in found], "q": list(q)}
+    publish(answer, json, f"{len(found) or 'no'} joints were outside their limits; all are inside")
