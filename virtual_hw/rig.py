@@ -91,7 +91,7 @@ class Rig:
 
 
 class MotorOf:
-    """One drive's view of the power stage: `virtual_hw.drive.node.MotorSenses`."""
+    """One drive's view of the power stage: `virtual_hw.drive.measured.MotorSenses`."""
 
     def __init__(self, stage: PowerStage, i: int) -> None:
         self._stage, self._i = stage, i

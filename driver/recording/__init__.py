@@ -1,7 +1,8 @@
 """Recordings: one MCAP file a run, written beside the loop; read, recovered, replayed, exported; foreign files too."""
 
-from driver.recording.process import RecorderProcess, RecorderStatus
+from driver.recording.process import RecorderProcess
 from driver.recording.reader import export, read_recording
+from driver.recording.recorder import RecorderStatus
 from driver.recording.recording import Event, Gap, Recording
 from driver.recording.recovery import RecoveryReport, recover
 from driver.recording.replay import ReplayReport, replay

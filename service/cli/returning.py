@@ -19,14 +19,14 @@ def return_inside(arm: ArmOption = None, json: JsonOption = None) -> None:
     lock = ArmLock(run_directory(), installation.arm.name)
     try:
         lockstep = in_lockstep(installation)
-        q = where_it_stands(installation, lockstep=lockstep)
-        found = outside(installation, q)
+        stands = where_it_stands(installation, lockstep=lockstep)
+        found, q = outside(installation, stands), tuple(stands.tolist())
         for one in found:
             say(f"{one}; it is moved slowly to {one.to:.4g}")
         if found:
             with progress() as tell:
-                q = bring_inside(installation, q, lockstep=lockstep, progress=tell).q
+                q = bring_inside(installation, stands, lockstep=lockstep, progress=tell).q
     finally:
         lock.release()
-    answer = {"arm": installation.arm.name, "brought_inside": [asdict(one) for one in found], "q": list(q)}
+    answer = {"arm": installation.arm.name, "brought_inside": [asdict(one) for one in found], "q": q}
     publish(answer, json, f"{len(found) or 'no'} joints were outside their limits; all are inside")

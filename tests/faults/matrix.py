@@ -146,7 +146,7 @@ def _cycles(bench: Bench, begun_ns: int) -> int | None:
 
 def _seen_by(sentence: str) -> str:
     """A drive's own words begin with its emergency or its state; all else the host found."""
-    return "drive" if any(word in sentence for word in ("emergency", "reports", "left operation")) else "host"
+    return "drive" if any(word in sentence for word in ("EMCY", "reports", "left operation")) else "host"
 
 
 def _beyond_limits(bench: Bench) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
-from typing import Protocol
 
 from config.schema import Drive, Joint
 from virtual_hw.bus.frames import frame
@@ -14,6 +12,7 @@ from virtual_hw.drive.aborts import Abort, SdoAbort
 from virtual_hw.drive.axis import Axis
 from virtual_hw.drive.emergency import Emergencies, ErrorCode
 from virtual_hw.drive.heartbeat import Heartbeats
+from virtual_hw.drive.measured import MotorSenses, connect_measured
 from virtual_hw.drive.objects import ObjectStore
 from virtual_hw.drive.pdo import ReceivePdo, TransmitPdo
 from virtual_hw.drive.pdo_rules import PdoRules
@@ -31,19 +30,6 @@ class NmtState(IntEnum):
     PRE_OPERATIONAL = 0x7F
 
 
-class MotorSenses(Protocol):
-    """What a drive measures beside position and velocity, asked when it is read."""
-
-    def torque_nm(self) -> float:
-        """Torque by the motor's current, N·m at the joint."""
-
-    def currents_a(self) -> tuple[float, float, float]:
-        """Phase currents, A."""
-
-    def temperature_c(self) -> float:
-        """Winding temperature, °C."""
-
-
 class DriveNode:
     """One node. `tick` is its firmware's servo tick; everything else happens on frames."""
 
@@ -57,7 +43,7 @@ class DriveNode:
         self.controller = Controller(QUEUE)
         self.nmt = NmtState.BOOT_UP
         self.store = ObjectStore(drive.eds, joint.node_id)
-        self._measure(senses)
+        connect_measured(self.store, joint, senses)
         self.store.preset(0x6076, 0, round(joint.rated_torque_nm / abs(joint.gear_ratio) * 1000))
         self.sdo = SdoServer(self.store)
         self.answer_sdo = self.sdo.answer
@@ -294,21 +280,3 @@ class DriveNode:
     def _save(self) -> None:
         self.store.values[self.store.slot(0x1010, 1)] = 1  # reads as: saves on command
         self.store.save()
-
-    def _measure(self, senses: MotorSenses) -> None:
-        """Connect the objects that are measured when they are read."""
-        permille = self.joint.encoder.sign * 1000.0 / self.joint.rated_torque_nm
-        sources: dict[tuple[int, int], Callable[[], int]] = {
-            (0x6077, 0): lambda: _i16(senses.torque_nm() * permille),
-            (0x2110, 0): lambda: _i16(senses.temperature_c() * 10.0),
-        }
-        for phase in range(3):
-            sources[0x2111, phase + 1] = lambda phase=phase: round(senses.currents_a()[phase] * 1000.0)  # type: ignore[misc]
-        for key, source in sources.items():
-            if self.store.has(*key):
-                self.store.sources[key] = source
-
-
-def _i16(value: float) -> int:
-    rounded = round(value)
-    return rounded if -0x8000 <= rounded <= 0x7FFF else 0x7FFF if rounded > 0 else -0x8000
