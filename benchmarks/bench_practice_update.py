@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from benchmarks.figure import Figure
 
 BOUND_S = 1.0
 REPEATS = 5
+ROTOR = 0.4
+"""kg·m² at a joint, behind its gear."""
 
 
 def child() -> None:
     """On one core; prints the median of some updates in s."""
     from config import load_installation
     from config.motion.curves import RestToRest
+    from estimator.arm_model import FittedEffect
+    from estimator.effects import Place
     from learner.certificate import certify
     from learner.error_gain import Tolerance
     from learner.kinematics import Kinematics
@@ -32,7 +37,10 @@ def child() -> None:
 
     installation = load_installation("seven")
     practised = practised_motion("seven-identify-1", installation, "csp")
-    model = load_inverse_model(None, installation)
+    bodies = load_inverse_model(None, installation)
+    # Without its rotors the arm of the URDF is too light for its servo, and no practice would begin.
+    rotors = tuple(FittedEffect("rotor_inertia", Place(joint), {"inertia": ROTOR}) for joint in range(7))
+    model = replace(bodies, model=replace(bodies.model, effects=rotors))
     home = np.array(installation.arm.home_rad)
     period = 1e-3
     t = np.arange(1501, dtype=np.float64) * period
@@ -52,6 +60,8 @@ def child() -> None:
 
     tolerance = Tolerance(0.1, 1e-3)
     certificate = certify(model, reference, loop, operator, tolerance)
+    if not certificate.admitted:
+        raise RuntimeError(f"nothing to measure: {certificate.reason}")
     task = prepare(model, model, reference, kinematics, operator, certificate, loop, practised.timing, practised.limits)
     practice = Practice(task, [trial() for _ in range(5)])
     seconds = []

@@ -16,6 +16,7 @@ from learner.finite_interval import finite_interval
 from learner.inverse_model import InverseModel
 from learner.linearisation import LinearArm, linearise, spread
 from learner.operators import LearningOperator
+from learner.servo_poles import Swinging, swinging
 from learner.trial import Reference
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ LINES = 48
 """Frequencies at which the gain is told, in equal ratios."""
 INSTANTS = 16
 """Instants of the motion at which the arm is linearised."""
-INTERVAL_COLUMNS = 350
+INTERVAL_COLUMNS = 175
 """Size of the finite-interval matrix: samples × joints after thinning."""
 MOTION_ENERGY = 0.995
 """Share of the wanted acceleration's energy that lies below the motion's band."""
@@ -51,9 +52,9 @@ class Certificate:
     motion_band: float
     expected_error_ratio: float
     """Command error after a trial to the one before it, over the motion's own spectrum."""
-    finite_interval_norm: float
-    """Greatest growth of any error in one trial, with the band limit."""
-    finite_interval_eigenvalue: float
+    finite_interval_norm: float | None
+    """Greatest growth of any error in one trial, with the band limit; None where the servo alone is unstable."""
+    finite_interval_eigenvalue: float | None
     """Greatest eigenvalue without the band limit: below 1, and still no promise (Section 6.6.2)."""
 
     @property
@@ -92,34 +93,42 @@ def certify(
 ) -> Certificate:
     """Judge ``operator`` on the arm of ``model``, which may be wrong within ``tolerance``.
 
-    It is refused when it would not shrink errors over the whole band in which the motion's torques lie. Otherwise it
-    is used up to ``band_hz``, or where that is None or too high, up to where it converges.
+    It is refused when the servo does not hold that arm by itself, or when it would not shrink errors over the whole
+    band in which the motion's torques lie. Otherwise it is used up to ``band_hz``, or where that is None or too high,
+    up to where it converges.
     """
     nyquist = 0.5 / reference.period
     frequencies = np.geomspace(0.1 / (reference.samples * reference.period), nyquist, LINES)
     at = spread_moving(reference, INSTANTS)
     arm = linearise(model, reference.q[at], reference.dq[at], reference.ddq[at])
     gain = error_gain(arm, loop, operator.response(frequencies, reference, at), frequencies, tolerance).max(axis=1)
-    bandwidth = first_crossing(frequencies, gain)
+    unstable = swinging(arm, loop)
+    bandwidth = first_crossing(frequencies, gain) if unstable is None else 0.0
     needed = motion_band(reference)
     reach = MARGIN * bandwidth if bandwidth < nyquist else nyquist
     admitted = reach > needed
     band = min(reach, band_hz or nyquist) if admitted else 0.0
     crossing = bandwidth if bandwidth < nyquist else None
     worst = int(np.argmax(gain))
-    if not admitted:
-        reason = (
-            f"errors above {bandwidth:.3g} Hz come back {LARGEST_GAIN:g} times as large or larger, up to "
-            f"{gain[worst]:.3g} times at {frequencies[worst]:.3g} Hz, and this motion reaches to {needed:.3g} Hz"
-        )
-    elif crossing is None:
-        reason = "errors shrink at every frequency"
+    norm: float | None = None
+    eigenvalue: float | None = None
+    if unstable is not None:
+        reason = _does_not_hold(unstable, int(at[unstable.instant]) * reference.period)
+        crossing = unstable.frequency
     else:
-        reason = (
-            f"errors shrink up to {bandwidth:.3g} Hz, beyond what this motion asks for ({needed:.3g} Hz), but "
-            f"{gain[worst]:.3g} times at {frequencies[worst]:.3g} Hz: the operator ends at {band:.3g} Hz"
-        )
-    norm, eigenvalue = _interval(model, reference, loop, operator, band if crossing and admitted else None)
+        norm, eigenvalue = _interval(model, reference, loop, operator, band if crossing and admitted else None)
+        if not admitted:
+            reason = (
+                f"errors above {bandwidth:.3g} Hz come back {LARGEST_GAIN:g} times as large or larger, up to "
+                f"{gain[worst]:.3g} times at {frequencies[worst]:.3g} Hz, and this motion reaches to {needed:.3g} Hz"
+            )
+        elif crossing is None:
+            reason = "errors shrink at every frequency"
+        else:
+            reason = (
+                f"errors shrink up to {bandwidth:.3g} Hz, beyond what this motion asks for ({needed:.3g} Hz), but "
+                f"{gain[worst]:.3g} times at {frequencies[worst]:.3g} Hz: the operator ends at {band:.3g} Hz"
+            )
     return Certificate(
         operator=operator.name,
         verdict="converges" if admitted else "refused",
@@ -133,6 +142,15 @@ def certify(
         expected_error_ratio=_expected_ratio(reference, frequencies, gain, band),
         finite_interval_norm=norm,
         finite_interval_eigenvalue=eigenvalue,
+    )
+
+
+def _does_not_hold(found: Swinging, at_s: float) -> str:
+    return (
+        f"the servo would not hold the arm that the model describes: at {at_s:.3g} s joint number {found.joint + 1} "
+        f"swings at {found.frequency:.3g} Hz, {found.growth:.3g} times as far each sample; if the arm itself is at "
+        "rest under this servo, the model is wrong, as one without the rotors' inertia is: identify the links and name "
+        "their model"
     )
 
 
@@ -180,18 +198,12 @@ def _expected_ratio(reference: Reference, frequencies: Array, gain: Array, band:
 def _interval(
     model: InverseModel, reference: Reference, loop: FeedbackLoop, operator: LearningOperator, band: float | None
 ) -> tuple[float, float]:
-    """(norm with the band limit, eigenvalue without) over the moving samples, thinned to `INTERVAL_COLUMNS`."""
+    """(norm with the band limit, eigenvalue without) over the moving samples, of commands held over so many samples
+    that the matrix has at most `INTERVAL_COLUMNS`."""
     start, stop, _ = reference.moving.indices(reference.samples)
-    every = max(1, -(-(stop - start) * reference.n // INTERVAL_COLUMNS))
-    at = np.arange(start, stop, every)
-    coarse = Reference(
-        reference.q[at], reference.dq[at], reference.ddq[at], reference.period * every, slice(0, len(at))
-    )
-    slow = FeedbackLoop(loop.stiffness, loop.damping, coarse.period, 1)
-    points = np.arange(len(at))
-    linear: LinearArm = linearise(model, coarse.q, coarse.dq, coarse.ddq)
-    impulse = operator.impulse(coarse, points)
-    free = finite_interval(linear, slow, impulse)
-    if band is None or band >= 0.5 / coarse.period:
-        return free.norm, free.eigenvalue
-    return finite_interval(linear, slow, impulse, band).norm, free.eigenvalue
+    hold = max(1, -(-(stop - start) * reference.n // INTERVAL_COLUMNS))
+    at = np.arange(start + hold // 2, stop, hold)[: max(1, (stop - start) // hold)]
+    linear: LinearArm = linearise(model, reference.q[at], reference.dq[at], reference.ddq[at])
+    impulse = operator.impulse(reference, at)
+    found = finite_interval(linear, loop, impulse, band, hold)
+    return found.norm, found.eigenvalue

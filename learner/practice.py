@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 DISAGREEMENT = 1.5
 """Observed error over the predicted one, from which on the model is said to lack something."""
 INSTANTS = 16
+SLOW_SHARE = 0.1
+"""Of a joint's fastest speed, below which it may stick."""
 RAMP_S = 0.05
 """Within which a trial tells less and less of what the arm needs at rest."""
 
@@ -144,6 +146,7 @@ class Practice:
             self.update = GainOne(self._frequency, noise, min(hand_picked_hz, band))
             first, repeats = measured[-1], 1
         self._telling = _moving_weight(reference)
+        self._in_motion = _speed_weight(reference)
         self._lacked = self.update.expect(first, repeats)
         self.update.take(first, repeats)
         self._watch = ChangeWatch(self._frequency, len(replays), band, to_lines(self.update.correction))
@@ -176,8 +179,9 @@ class Practice:
         trial.check(reference)
         needed = self._needed(trial)
         # At rest friction holds within its level whatever is commanded: a torque measured there is no news.
-        needed = self._telling * needed + (1.0 - self._telling) * self.update.correction
-        change = self._watch.look(self.update.expect(needed))
+        expected = self.update.correction
+        needed = self._telling * needed + (1.0 - self._telling) * expected
+        change = self._watch.look(self.update.expect(self._in_motion * needed + (1.0 - self._in_motion) * expected))
         rms = trial.velocity_error_rms(reference)
         learnt = not change.changed.any()
         findings = self._findings(rms, change, names)
@@ -244,6 +248,17 @@ class Practice:
                     "model lacks something that this motion shows (etude diagnose names it)"
                 )
         return tuple(told)
+
+
+def _speed_weight(reference: Reference) -> Array:
+    """(samples, n): one where a joint is on its way, falling to zero where it comes to rest and leaves it.
+
+    There a joint with friction sticks and lets go, at another moment for the slightest change of the command: what
+    differs there says nothing of another arm. A joint that is to stand still throughout counts throughout.
+    """
+    speed = np.abs(reference.dq)
+    fastest = speed.max(axis=0)
+    return np.where(fastest > 0.0, np.minimum(speed / np.maximum(SLOW_SHARE * fastest, 1e-12), 1.0), 1.0)
 
 
 def _moving_weight(reference: Reference) -> Array:

@@ -13,11 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from learner.cosine_spectrum import frequencies, low_pass, to_history, to_lines
 from learner.trial import Reference, Trial
 
 Array = NDArray[np.float64]
 FALSE_ALARM = 1e-3
 """Probability that a gain or offset is believed where there is none."""
+
+
+def from_angles(trial: Trial, reference: Reference, joints: NDArray[np.bool_], band_hz: float) -> Trial:
+    """The trial with velocities of ``joints`` (n,) by their angles: how the angle's error changes, up to ``band_hz``.
+
+    For drives that measure no velocity. A difference of two samples of an encoder is half a sample late, and a count
+    divided by the period; both would be taken for errors of the motion.
+    """
+    if not joints.any():
+        return trial
+    passed = low_pass(frequencies(reference.samples, reference.period), band_hz)[:, None]
+    error = to_history(passed * to_lines(trial.q - reference.q))
+    return replace(trial, dq=np.where(joints, reference.dq + np.gradient(error, reference.period, axis=0), trial.dq))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,11 @@ def model_path(name: str) -> Path:
     known = _versions(arm)
     if not known:
         arms = sorted({path.parent.parent.name for path in state_directory().glob("*/models/*.toml")})
-        remedy = f"there are models of {', '.join(arms)}" if arms else "etude diagnose and identify make models"
+        remedy = (
+            f"there are models of {', '.join(arms)}"
+            if arms
+            else "name a model file, such as the links.toml of etude identify links; etude diagnose keeps versions"
+        )
         raise InputError(f"model {name}", f"arm {arm} has none", remedy)
     if not version:
         return _path(arm, known[-1])

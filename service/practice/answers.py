@@ -34,15 +34,21 @@ def certificate_report(answer: dict[str, Any]) -> list[RenderableType]:
     gains = answer["gain"]
     for k in np.unique(np.linspace(0, len(gains) - 1, SHOWN_GAINS).astype(int)):
         table.add_row(f"{gains[k]['frequency']:.3g}", f"{gains[k]['spectral_radius']:.3g}")
-    return [
+    header = (
         f"{answer['operator']} operator on {answer['motion']} ({answer['mode']}), by {answer['model']}: "
-        f"{answer['verdict']}",
+        f"{answer['verdict']}"
+    )
+    if answer["finite_interval"]["norm"] is None:
+        return [header, answer["reason"]]
+    return [
+        header,
         answer["reason"],
         table,
         f"learning bandwidth {answer['learning_bandwidth']:.3g} Hz; used up to {answer['band_hz']:.3g} Hz; a trial "
         f"leaves {100 * answer['expected_error_ratio']:.3g} % of the command's error",
-        f"over the motion's samples: growth in one trial at most {answer['finite_interval']['norm']:.3g}, greatest "
-        f"eigenvalue without band limit {answer['finite_interval']['eigenvalue']:.3g}",
+        f"over the motion's samples, were the model exact: growth in one trial at most "
+        f"{answer['finite_interval']['norm']:.3g}, greatest eigenvalue without band limit "
+        f"{answer['finite_interval']['eigenvalue']:.3g}",
     ]
 
 

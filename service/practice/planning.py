@@ -44,6 +44,12 @@ class Practised:
         return plan
 
     @property
+    def velocity_measured(self) -> NDArray[np.bool_]:
+        """(n,): whether a joint's drive sends a velocity of its own."""
+        layouts = [self.installation.drive_of(joint).layouts[self.mode] for joint in self.installation.joint]
+        return np.array([any("velocity" in pdo for pdo in layout.tpdo) for layout in layouts])
+
+    @property
     def command_delay(self) -> int:
         """Cycles from a reference's sample to the cycle in which the drive has reached it (nominal)."""
         return command_delay(self.mode)

@@ -17,7 +17,7 @@ from driver.plan import Plan
 from driver.recording import Recording, read_recording
 from learner.practice import Practice
 from learner.trial import Timing, Trial
-from learner.velocity_sensor import VelocityCalibration, calibrate
+from learner.velocity_sensor import VelocityCalibration, calibrate, from_angles
 from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
 from service.practice.record import Play, PlayKind, PracticeRecord, read_record, write_feedforward
@@ -59,6 +59,8 @@ class Practise:
         tell("enabling the drives", 0.0)
         await moving.enable(self._asked.mode)
         base = self._task.timing.command(self._task.base)
+        # Friction remembers from where the arm came: the first play comes to its start as all others do.
+        await moving.go_to(self._task.reference.q[-1], self._asked.mode, lambda share: None)
         while (done := len(self._record.of("replay"))) < self._asked.replays:
             part = within(tell, f"replay {done + 1} of {self._asked.replays}", done / plays, (done + 1) / plays)
             await self._play(moving, session, "replay", base, part)
@@ -151,7 +153,9 @@ class Practise:
         return calibration.apply(self._raw(read_recording(path)))
 
     def _raw(self, recording: Recording) -> Trial:
-        return trial_of(recording, self._task.reference, self._delay, str(recording.path))
+        trial = trial_of(recording, self._task.reference, self._delay, str(recording.path))
+        band = self._task.certificate.band_hz
+        return from_angles(trial, self._task.reference, ~self._course.practised.velocity_measured, band)
 
 
 def _reason_to_stop(practice: Practice) -> str | None:

@@ -95,6 +95,21 @@ def test_finite_interval_norms(samples: int, norm: float) -> None:
     assert found.norm == pytest.approx(norm, rel=0.002)
 
 
+def test_held_commands_see_the_servo_at_its_own_rate() -> None:
+    """The matrix of held commands is the whole one between the blocks' constants, in an arm that changes by block."""
+    hold, blocks = 8, 25
+    inertia = INERTIA * (1.0 + 0.5 * np.sin(np.arange(blocks) / 4.0))[:, None, None]
+    coarse = LinearArm(inertia, 0.3 * inertia, 2.0 * inertia)
+    fine = LinearArm(*(np.repeat(part, hold, axis=0) for part in (coarse.inertia, coarse.damping, coarse.stiffness)))
+    loop = FeedbackLoop(*(getattr(servo(1000.0), name) for name in ("stiffness", "damping", "period")), delay=3)
+    wrong = inverse_of(coarse.heavier(0.4), 1e-3)
+    whole = finite_interval(fine, loop, (np.repeat(wrong[0], hold, axis=0), np.repeat(wrong[1], hold, axis=0)))
+    constants = np.repeat(np.eye(blocks), hold, axis=0) / np.sqrt(hold)
+    held = finite_interval(coarse, loop, wrong, None, hold)
+    np.testing.assert_allclose(held.propagation, constants.T @ whole.propagation @ constants, atol=1e-9)
+    assert 0.3 < held.norm <= whole.norm
+
+
 def test_errors_grow_by_26_orders_in_ten_updates() -> None:
     samples = 200
     arm, loop = joint(samples), servo(1000.0)

@@ -141,6 +141,18 @@ def test_a_changed_load_is_noticed_and_not_learnt(arm: Any, planar_model: Any, r
     assert practice.changed_in_a_row == 0
 
 
+def test_where_a_joint_lets_go_says_nothing_of_another_arm(arm: Any, planar_model: Any, reference: Reference) -> None:
+    """A torque that differs while the joints creep, as stuck ones' does, and then one that differs on the way."""
+    task = task_of(arm, planar_model, reference)
+    practice = Practice(task, replays(arm, task))
+    practice.take(arm.play(reference, practice.command), NAMES)
+    speed = np.abs(reference.dq) / np.abs(reference.dq).max(axis=0)
+    for odd, learnt in ((speed < 0.03, True), (speed > 0.5, False)):
+        trial = arm.play(reference, practice.command)
+        lesson = practice.take(replace(trial, tau=trial.tau + 3.0 * (odd & (reference.dq != 0.0))), NAMES)
+        assert lesson.learnt is learnt
+
+
 def test_the_hand_picked_filter_plays_noise_back(arm: Any, planar_model: Any, reference: Reference) -> None:
     """Gain one over the whole band: a floor well above repeatability, where the trial filter goes below it."""
     task = task_of(arm, planar_model, reference)

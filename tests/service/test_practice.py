@@ -78,6 +78,17 @@ def test_a_refused_operator_is_the_answer_no(house: Any, tmp_path: Path) -> None
     assert "Hz" in answer["reason"]
 
 
+@pytest.mark.parametrize(("arm", "motion"), [("puma600", "puma600-load"), ("seven", "seven-identify-1")])
+def test_a_model_that_lacks_the_rotors_certifies_nothing(arm: str, motion: str, house: Any, tmp_path: Path) -> None:
+    """Geared arms by their URDF: links so light that the arm's own servo would shake them."""
+    target = tmp_path / "certificate.json"
+    assert run(["certify", motion, "--arm", arm, "--json", str(target)]) == outcomes.ANSWER_IS_NO
+    answer = json.loads(target.read_text())
+    assert answer["verdict"] == "refused"
+    assert answer["finite_interval"] == {"norm": None, "eigenvalue": None}
+    assert "rotors" in answer["reason"]
+
+
 def test_a_motion_outside_the_limits_is_named(house: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fast = tmp_path / "fast.toml"
     fast.write_text(SHORT.replace("0.6", "0.2"))
