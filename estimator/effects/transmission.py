@@ -32,7 +32,8 @@ class Transmission:
     @classmethod
     def of(cls, signals: Signals, joint: int, share: float, side: float) -> Transmission:
         """``share`` of the joint's own inertia in the model is the motor's."""
-        own = float(np.mean(signals.sensitivity[2][:, joint, joint]))
+        # A body that was fitted (`estimator.diagnosis.first_body`) may have a negative one: nothing swings on that.
+        own = max(float(np.mean(signals.sensitivity[2][:, joint, joint])), 0.0)
         torque = signals.tau_rigid[:, joint] - share * own * signals.ddq[:, joint]
         return cls(share * own, (1.0 - share) * own, torque, side == ON_LINK)
 

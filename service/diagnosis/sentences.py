@@ -11,18 +11,38 @@ from estimator.effects import Place
 
 FEW = 5
 """Parameters that a sentence takes without choosing."""
+_VISIBLE = 2.0
+"""Times the noise, or what is left: a residual of the given model that a reader sees, and asks about."""
 
 
 def summary(diagnosis: Diagnosis) -> str:
     """What a person must know first."""
     if diagnosis.verdict == "clean":
-        return "nothing beyond the noise: the model explains these recordings"
+        return _clean(diagnosis)
     parts = [sentence_of(finding, diagnosis.joints) for finding in diagnosis.findings]
     for joint, left in diagnosis.unexplained.items():
         where = place_text(Place(joint), diagnosis.joints, verb=False)
-        what = f"{100 * left.share:.0f} % of what repeats is explained by no known effect ({left.signature})"
+        what = f"{share_text(left.share)} of what can be explained there has no name ({left.signature})"
         parts.append(f"{where}: {what}")
     return "; ".join(parts)
+
+
+def _clean(diagnosis: Diagnosis) -> str:
+    """Of a model that explains the recordings, with what it takes for that: its links within their tolerance."""
+    moved = {
+        joint: r
+        for joint, r in zip(diagnosis.joints, diagnosis.torque_residual, strict=True)
+        if r.before > _VISIBLE * max(r.noise, r.after)
+    }
+    if not moved:
+        return "nothing beyond the noise: the model explains these recordings"
+    joint, worst = max(moved.items(), key=lambda item: item[1].before / max(item[1].noise, item[1].after))
+    return (
+        "nothing beyond the noise and what the links' tolerance allows: small changes of the link parameters take up "
+        f"all that there is (at {place_text(Place(diagnosis.joints.index(joint)), diagnosis.joints, verb=False)} "
+        f"{worst.before:.3g} → {worst.after:.3g} {worst.unit} rms); a model known better than that is judged with a "
+        "smaller --tolerance, and identify links tells the links"
+    )
 
 
 def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
@@ -30,7 +50,7 @@ def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
     values = ", ".join(f"{name.replace('_', ' ')} {quantity_text(q)}" for name, q in _told(finding.parameters).items())
     sentence = (
         f"{place_text(finding.place, joints)} {effect_text(finding.effect)}{': ' if values else ''}{values}; "
-        f"it explains {100 * finding.share_of_explainable:.0f} % of what can be explained there"
+        f"it explains {share_text(finding.share_of_explainable)} of what can be explained there"
     )
     if finding.status == "ambiguous":
         near = finding.alternatives[0]
@@ -58,6 +78,11 @@ def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:
         return (name if name.startswith("joint") else f"joint {name}") + (" has" if verb else "")
     what = "the arm" if place.channel is None else f"the {place.channel} channel"
     return what + (" has" if verb else "")
+
+
+def share_text(share: float) -> str:
+    """``86 %``; what is there never reads 0 %."""
+    return "less than 1 %" if 0.0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
 def effect_text(name: str) -> str:

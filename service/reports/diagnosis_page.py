@@ -11,6 +11,7 @@ import numpy as np
 
 from estimator.diagnosis.traces import Traces
 from service.diagnosis.sentences import FEW
+from service.diagnosis.sentences import share_text
 from service.reports.diagnosis_experiments import experiments_section, open_question
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
 from service.reports.link_tables import figure
@@ -50,7 +51,7 @@ def diagnosis_page(answer: Answer, traces: Traces | None) -> str:
 def _lead(answer: Answer) -> Html:
     summary = [finding["sentence"] for finding in answer["findings"]]
     if not summary and not answer["unexplained"]:
-        text = "Nothing repeats in the torques beyond their noise. What would have been seen stands below."
+        text = f"{_capital(answer['summary'])}. What would have been seen stands below."
     elif not summary:
         joints = ", ".join(answer["unexplained"])
         text = f"Something repeats in the torque of {joints} that no effect of the catalogue explains."
@@ -127,7 +128,7 @@ def _next(finding: Mapping[str, Any]) -> Html:
 def _unexplained(answer: Answer) -> Html:
     items = [
         element(
-            "li", element("b", joint), f": {_percent(left['share'])} of what repeats is explained by nothing known. "
+            "li", element("b", joint), f": {share_text(left['share'])} of what can be explained there has no name. "
         )
         + html(_capital(left["signature"]))
         for joint, left in answer["unexplained"].items()

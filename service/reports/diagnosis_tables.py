@@ -7,12 +7,13 @@ from typing import Any
 from rich.console import RenderableType
 from rich.table import Table
 
+from service.diagnosis.sentences import share_text
 from service.reports.link_tables import figure
 
 
 def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     """From the JSON answer of `diagnose`."""
-    shown: list[RenderableType] = [f"{answer['verdict']}: {answer['summary']}"]
+    shown: list[RenderableType] = _said(answer)
     if answer["findings"]:
         shown.append(_findings(answer["findings"]))
     shown += [
@@ -39,6 +40,21 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     if answer["model"] is not None:
         shown.append(f"model {answer['model_name']}: {answer['model']}")
     return [*shown, f"page: {answer['report']}"] if answer["report"] else shown
+
+
+def _said(answer: dict[str, Any]) -> list[RenderableType]:
+    """The verdict; one line for each cause, the most telling first, and for each joint that keeps something."""
+    causes = [str(finding["sentence"]) for finding in answer["findings"]]
+    left = [
+        f"{joint}: {share_text(one['share'])} of what can be explained there has no name ({one['signature']})"
+        for joint, one in answer["unexplained"].items()
+    ]
+    if len(causes) + len(left) < 2:
+        return [f"{answer['verdict']}: {answer['summary']}"]
+    counted = f"{len(causes)} cause{'s' * (len(causes) != 1)}" if causes else "no cause has a name"
+    lines = [f"{answer['verdict']}: {counted}", *(f"- {cause}" for cause in causes)]
+    return [*lines, *([f"left at {len(left)} of {len(answer['torque_residual'])} joints:"] if left else []),
+            *(f"- {one}" for one in left)]  # fmt: skip
 
 
 def _experiment(told: dict[str, Any]) -> str:

@@ -18,7 +18,21 @@ __all__ = ["page_of", "page_of_file"]
 
 
 def page_of(answer: dict[str, Any], directory: Path) -> str | None:
-    """The page of a command's JSON answer that was kept in ``directory``; None for an answer that has no page."""
+    """The page of a command's JSON answer that was kept in ``directory``; None for an answer that has no page.
+
+    Raises InputError for an answer that another version of Étude wrote, whose keys are not today's.
+    """
+    try:
+        return _page(answer, directory)
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(
+            str(directory),
+            f"holds an answer as this version does not write it ({type(error).__name__}: {error})",
+            "ask again with the recordings that it names, and make the page of the new answer",
+        ) from error
+
+
+def _page(answer: dict[str, Any], directory: Path) -> str | None:
     if "verdict" in answer and "findings" in answer:
         # A session keeps the answer; its diagnosis, with the traces, lies in a directory of its own.
         return kept_page(answer, Path(answer["report"]).parent if answer.get("session") else directory)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.convolution import convolve
-from estimator.effects import Place, Signals, effect
+from estimator.effects import Place, Scales, Signals, effect
 from estimator.effects.transmission import ON_LINK, ON_MOTOR
 from estimator.filtering import plan_filter, smooth_motion
 from estimator.rigid_body import RigidBody, load_rigid_body
@@ -162,3 +162,19 @@ def test_the_twin_has_both_sides(body: RigidBody, side: float) -> None:
         np.std((tau - m.torque(motion.q, motion.dq, motion.ddq, t[inner]))[400:-50]) for m in (ArmModel(body), model)
     )
     assert left < 0.15 * without
+
+
+@SIDES
+@pytest.mark.parametrize("name", ["joint_elasticity", "backlash"])
+def test_nothing_swings_on_a_fitted_body_s_negative_inertia(name: str, side: float) -> None:
+    """Of a massless model the body that fits stands in, and a wrist's inertia may come out below zero."""
+    t = np.arange(2000) / 100.0
+    q, dq, ddq = (x[:, None] for x in (np.sin(t), np.cos(t), -np.sin(t)))
+    negative = load_rigid_body(URDF)
+    parameters = negative.prior()
+    parameters[4:] *= -1.0
+    signals = Signals.of_motion(negative.with_parameters(parameters), t, q, dq, ddq)
+    law = effect(name)
+    for theta in law.grid(Place(0), Scales.of([signals], 10.0)):
+        if theta[-1] == side:
+            assert np.abs(law.columns(Place(0), signals, theta)).max() < 1e3

@@ -81,6 +81,7 @@ def answer() -> dict[str, Any]:
     return {
         "arm": "two <links>",
         "verdict": "ambiguous",
+        "summary": "nothing beyond the noise",
         "recordings": ["a.csv", "b.csv"],
         "hold_out": ["later.csv"],
         "findings": [finding],
@@ -113,7 +114,7 @@ def test_the_page_says_what_was_found_how_sure_and_what_to_do_next(answer: dict[
         "1.503 0.021 N·m",
         "812",
         "move joint elbow in micro-reversals",
-        "42 % of what repeats",
+        "42 % of what can be explained there has no name",
         "falls from 1.06 to 0.11 N·m rms",
         "97 % of what any model could explain",
         "viscous friction 0.031 0.027 N·m·s/rad",
@@ -177,7 +178,7 @@ def test_pages_without_findings(answer: dict[str, Any], traces: Traces, verdict:
     words = " ".join(outline.words)
     assert not outline.open
     assert ("has no name" in words) is (verdict == "unknown")
-    assert ("beyond their noise" in words) is (verdict == "clean")
+    assert ("Nothing beyond the noise. What would have been seen" in words) is (verdict == "clean")
     assert "0.031" in words
 
 
@@ -241,6 +242,18 @@ def test_what_is_no_answer_is_refused(content: str, problem: str, tmp_path: Path
     path.write_text(content)
     with pytest.raises(InputError, match=problem):
         page_of_file(path)
+
+
+def test_an_answer_of_another_version_is_refused_in_a_sentence(
+    answer: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    del answer["gain"]["held_out_torque"]["unit"]
+    (tmp_path / ANSWER).write_text(json.dumps(answer))
+    assert run(["report", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "as this version does not write it" in told
+    assert "ask again with the recordings" in told
+    assert not (tmp_path / PAGE).exists()
 
 
 def test_plain_text_is_escaped_and_html_is_not() -> None:
