@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from config import InputError, Installation, load_installation
+from config.paths import run_directory
 from driver.cyclic.cycle import LoopState
 from tests.faults.bench import Bench, StandIn, commands_on_the_wire, commissioned, standing_in
 from tests.faults.scenarios import Scenario
@@ -91,9 +92,7 @@ def run(installation: Installation, scenario: Scenario) -> Seen:
 
 def _refused(arm: StandIn, scenario: Scenario, sentence: str) -> Seen:
     off = all(node.axis.state is not PowerState.OPERATION_ENABLED for node in arm.rig.nodes)
-    return Seen(
-        scenario, "refused", sentence, "host", None, 0.0, True, off, 0, (), None, "", _digest(sentence.encode())
-    )
+    return Seen(scenario, "refused", sentence, "host", None, 0.0, True, off, 0, (), None, "", _digest(sentence))
 
 
 def _session(bench: Bench, arm: StandIn, scenario: Scenario) -> Seen:
@@ -163,9 +162,9 @@ def _beyond_limits(bench: Bench) -> str:
 
 def _fingerprint(bench: Bench) -> str:
     """Of every byte on the wires and every sentence."""
-    parts = [repr((c.time_ns, c.state, c.batches, c.serial, c.events)) for c in bench.kept.cycles]
-    return _digest("".join(parts).encode())
+    return _digest("".join(repr((c.time_ns, c.state, c.batches, c.serial, c.events)) for c in bench.kept.cycles))
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:16]
+def _digest(text: str) -> str:
+    # Sentences name sockets and lines by their paths, and each scenario has a run directory of its own.
+    return hashlib.sha256(text.replace(str(run_directory()), "").encode()).hexdigest()[:16]

@@ -240,6 +240,18 @@ DRIVE = [
         Scenario("drive", f"fault in {state}", _at_start("drive_fault", code=0x3210, state=state), "refused", "3210")
         for state in ("SWITCH_ON_DISABLED", "READY_TO_SWITCH_ON", "SWITCHED_ON")
     ),
+    Scenario(
+        "drive",
+        "fault in QUICK_STOP_ACTIVE",
+        (
+            *_one("frame_lost", frame="feedback", duration_ms=20),
+            *_at_start("drive_fault", code=0x3210, state="QUICK_STOP_ACTIVE"),
+        ),
+        "stops",
+        "no feedback",
+        LOST + 1,
+        resets=True,
+    ),
     Scenario("drive", "over-voltage in motion", _one("drive_fault", code=0x3210), "stops", "3210", 2, resets=True),
     Scenario(
         "drive",
