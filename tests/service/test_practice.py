@@ -236,3 +236,41 @@ def test_practice_through_the_arm_is_stopped_taken_up_and_played(running_house: 
         taught = house.answer("run", motion, "--feedforward", answer["session"])
         for joint, error in taught["tracking_error"].items():
             assert error["position_peak"] < 1.2 * played["tracking_error"][joint]["position_peak"] + 1e-3
+
+
+def test_controllers_are_compared_through_the_arm(running_house: Any, tmp_path: Path) -> None:
+    """There and back, so that no time goes into returning: Appendix A's controllers at both rates, in its order."""
+    path = tmp_path / "there-and-back.toml"
+    path.write_text(
+        'kind = "polynomial"\n'
+        "way_points_rad = [[3.58, 2.69, 1.75], [3.46, 2.57, 1.6], [3.58, 2.69, 1.75]]\nduration_s = [0.26, 0.26]\n"
+    )
+    target = tmp_path / "answer.json"
+    # Eleven motions on a busy machine take longer than a command is waited for.
+    client = running_house.popen("compare-controllers", str(path), "--json", str(target))
+    _, told = client.communicate(timeout=280)
+    assert client.returncode == outcomes.DONE, told
+    answer = json.loads(target.read_text())
+    rows = {(r["family"], r["controller"], r["rate_hz"]): r for r in answer["controllers"]}
+    assert len(rows) == 11
+    assert all(row["played"] for row in rows.values())
+    session = Path(answer["plot"]).parent
+    assert len(list(session.glob("*.mcap"))) == 11
+    assert Path(answer["plot"]).stat().st_size > 10_000
+
+    def peaks(*key: object) -> dict[str, float]:
+        found: dict[str, float] = rows[key]["peak_deg"]  # type: ignore[index]
+        return found
+
+    told_nothing = peaks("hybrid", "position reference", 1000.0)
+    told_velocity = peaks("hybrid", "position and velocity reference", 1000.0)
+    told_torque = peaks("hybrid", "full dynamics", 1000.0)
+    for joint in ("joint1", "joint2", "joint3"):
+        assert told_torque[joint] < told_velocity[joint] < told_nothing[joint]
+        for rate in (133.0, 1000.0):
+            alone = peaks("digital", "PD", rate)[joint]
+            assert peaks("digital", "feedforward", rate)[joint] < alone
+            assert peaks("digital", "computed torque", rate)[joint] < alone
+    page = pages.page_of(running_house.answer("report", "last")["result"], session)
+    assert page is not None
+    assert "computed torque" in page
