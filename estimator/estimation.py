@@ -30,9 +30,15 @@ from estimator.whitening import white_weight, whitening_weight
 Array = NDArray[np.float64]
 
 Estimator = Literal[
-    "least_squares", "weighted", "whitened", "instrumental_variables", "total_least_squares", "optimal_filter"
+    "least_squares",
+    "weighted",
+    "whitened",
+    "instrumental_variables",
+    "total_least_squares",
+    "optimal_filter",
+    "maximum_likelihood",
 ]
-OF_NOISE: tuple[Estimator, ...] = ("total_least_squares", "optimal_filter")
+OF_NOISE: tuple[Estimator, ...] = ("total_least_squares", "optimal_filter", "maximum_likelihood")
 """Estimators that know the noise in the regressor's columns."""
 
 _EXCITED = 1e-6
@@ -75,6 +81,8 @@ class Estimate:
     hausman: Hausman | None
     equations: NormalEquations
     """Of the chosen unknowns."""
+    owners: tuple[int, ...]
+    """The recording of each batch of the equations."""
     refused: dict[int, float]
     """Terms with a sign that nothing physical has, and the value they would have had."""
 
@@ -99,8 +107,12 @@ def estimate(
     prior: Prior | None,
     noise: KnownNoise | None = None,
 ) -> Estimate:
-    """Solves for base parameters and terms; see `estimator.links.identify_links`. ``noise`` for those `OF_NOISE`."""
+    """Solves for base parameters and terms; see `estimator.links.identify_links`. ``noise`` for those `OF_NOISE`.
+
+    For ``maximum_likelihood`` it is where that starts (`estimator.maximum_likelihood`): the optimal filter's.
+    """
     by_instruments = estimator == "instrumental_variables"
+    by_filter = estimator in ("optimal_filter", "maximum_likelihood")
     rank = layout.base.rank
 
     def equations_of(weights: Array, by_instruments: bool = False) -> NormalEquations:
@@ -123,9 +135,9 @@ def estimate(
             unknowns = np.zeros(layout.size)
             unknowns[chosen] = np.linalg.solve(now.total, now.total_right)
             covariance = _residual_covariance(layout, sums, unknowns, len(chosen))
-            if estimator == "optimal_filter" and noise is not None:
+            if by_filter and noise is not None:
                 covariance = _noise_covariance(layout, covariance, noise, unknowns)
-            coloured = estimator in ("whitened", "optimal_filter")
+            coloured = by_filter or estimator == "whitened"
             result = np.array([whitening_weight(c, sums.rows) if coloured else white_weight(c[0]) for c in covariance])
         return result
 
@@ -146,7 +158,8 @@ def estimate(
         without = solve(system(weights))
         solution = replace(solution, degrees_of_freedom=without.degrees_of_freedom)
         hausman = _hausman(solution, without, chosen)
-    return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman, final, refused)
+    owners = tuple(batch.recording for batch in sums.batches)
+    return Estimate(chosen, solution, [k for k in range(rank) if k not in told], hausman, final, owners, refused)
 
 
 def _informed(equations: NormalEquations, base: BaseParameters, prior: Prior) -> NormalEquations:

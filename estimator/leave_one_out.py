@@ -26,7 +26,7 @@ def leave_one_out(layout: Layout, sums: Sums, found: Estimate) -> dict[int, floa
     result: dict[int, float] = {}
     if len(recordings) < 2:
         return result
-    owner = np.array([batch.recording for batch in sums.batches])
+    owner = np.array(found.owners)
     for recording in recordings:
         others = owner != recording
         matrix = found.equations.matrix[others].sum(axis=0) + found.equations.prior_matrix

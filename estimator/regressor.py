@@ -43,6 +43,25 @@ def inverse_dynamics(body: RigidBody, parameters: Array, q: Array, dq: Array, dd
     return tau
 
 
+def inverse_dynamics_slopes(body: RigidBody, parameters: Array, q: Array, dq: Array, ddq: Array) -> Array:
+    """(3, samples, n, n): how the torques of `inverse_dynamics` follow each joint's angle, velocity and acceleration
+    (last index), N·m per rad, rad/s, rad/s².
+
+    Differences: exact in acceleration (linear) and velocity (quadratic), to some 1e-9 in the angle.
+    """
+    result = np.empty((3, len(q), body.n, body.n))
+    for order, step in enumerate((1e-5, 1.0, 1.0)):
+        for joint in range(body.n):
+            shift = np.zeros((3, body.n))
+            shift[order, joint] = step
+            ahead, behind = (
+                inverse_dynamics(body, parameters, q + s * shift[0], dq + s * shift[1], ddq + s * shift[2])
+                for s in (1.0, -1.0)
+            )
+            result[order, :, :, joint] = (ahead - behind) / (2.0 * step)
+    return result
+
+
 def regressor_blocks(
     body: RigidBody, q: Array, dq: Array, ddq: Array, block: int = BLOCK
 ) -> Iterator[tuple[slice, Array]]:

@@ -112,11 +112,11 @@ def trajectory_rows(
     """Rows of one recording, segment by segment, and how much of each joint's rows counts (n, rows); counts samples and
     high-frequency torque in ``sums``."""
     plan = row_filter(trajectory.rate, band)
-    rows_of = _RowMaker(layout, plan)
+    rows_of = RowMaker(layout, plan)
     for piece in trajectory.segments(CHUNK, 2 * plan.edge, layout.instruments):
         if len(piece) < 2 * plan.edge + 4 * plan.stride * plan.decimation:
             continue
-        channels = _on_grid(trajectory, piece, plan.rate, layout.instruments)
+        channels = on_grid(trajectory, piece, plan.rate, layout.instruments)
         tau = channels["tau"]
         motion = thinned_motion(plan, channels["q"], channels.get("dq"), channels.get("ddq"), layout.crossover)
         inner = tau[plan.edge : len(tau) - plan.edge]
@@ -130,7 +130,8 @@ def trajectory_rows(
         yield rows_of(motion, inner, desired, usable)
 
 
-def _on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, commanded: bool) -> dict[str, Array]:
+def on_grid(trajectory: Trajectory, piece: NDArray[np.intp], rate: float, commanded: bool) -> dict[str, Array]:
+    """The channels (samples, n) of a piece that were measured, by name, on a uniform grid."""
     t = trajectory.t[piece]
     named = {
         "q": trajectory.q,
@@ -152,7 +153,7 @@ def _above_band(tau: Array, inner: Array, plan: FilterPlan) -> Array:
     return np.asarray(np.mean(above**2, axis=0) * len(inner) / passed / total**2)
 
 
-class _RowMaker:
+class RowMaker:
     """Turns smoothed segments into decimated rows."""
 
     def __init__(self, layout: Layout, plan: FilterPlan) -> None:
@@ -164,9 +165,7 @@ class _RowMaker:
         self, motion: ThinnedMotion, tau: Array, desired: ThinnedMotion | None, usable: NDArray[np.bool_] | None
     ) -> tuple[list[Array], Array]:
         length = self.plan.stride * self.plan.decimation
-        weight = self._taper(len(tau)) * motion_weight(motion.dq, self.layout.rest_speed, length)
-        if usable is not None:
-            weight *= weight_without(~usable, length)
+        weight = self.weight(motion.dq, usable)
         columns = self._columns(motion, weight)
         torque = self.fine(tau.T * weight)
         parts = [[own, torque[joint : joint + 1]] for joint, own in enumerate(columns)]
@@ -174,6 +173,12 @@ class _RowMaker:
             for part, instruments in zip(parts, self._columns(desired, weight), strict=True):
                 part.append(instruments)
         return [np.concatenate(part) for part in parts], weight[:, ::length] ** 2
+
+    def weight(self, dq: Array, usable: NDArray[np.bool_] | None) -> Array:
+        """(n, samples) of each joint's equations: zero where it rests and where its torque says nothing."""
+        length = self.plan.stride * self.plan.decimation
+        weight = self._taper(len(dq)) * motion_weight(dq, self.layout.rest_speed, length)
+        return weight if usable is None else weight * weight_without(~usable, length)
 
     def _taper(self, samples: int) -> Array:
         """Rises and falls over one row: cut off abruptly, the strong noise of accelerations above the band would spill

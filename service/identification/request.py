@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 EstimatorName = Literal[
-    "optimal_filter", "least_squares", "weighted", "whitened", "instrumental_variables", "total_least_squares"
+    "optimal_filter",
+    "least_squares",
+    "weighted",
+    "whitened",
+    "instrumental_variables",
+    "total_least_squares",
+    "maximum_likelihood",
 ]
 """The estimators of `estimator.links`, named here so that asking does not load them."""
 
