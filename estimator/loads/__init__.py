@@ -3,6 +3,7 @@
 from estimator.loads.estimate import LoadEstimate
 from estimator.loads.history import WrenchHistory, wrench_history
 from estimator.loads.identification import LoadOptions, identify_load
+from estimator.loads.live import LiveLoad
 from estimator.loads.parameters import RigidLoad, rigid_load
 from estimator.loads.poses import resting_poses
 from estimator.loads.recognition import recognise, verify
@@ -12,6 +13,7 @@ from estimator.loads.static import StaticLoad, identify_static_load
 from estimator.loads.tare import Tare, tare
 
 __all__ = [
+    "LiveLoad",
     "LoadEstimate",
     "LoadOptions",
     "LoadRecording",

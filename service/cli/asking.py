@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -95,7 +96,9 @@ def conduct(arm: str | None, command: str, arguments: dict[str, Any]) -> dict[st
             nonlocal session
             session = message["session"]
             if message["stage"]:
-                tell(message["stage"], message["share"])
+                # Where a line stays once it is written, one for each new figure would bury the others.
+                load = f", load {_mass(message['load'])}" if message["load"] and sys.stderr.isatty() else ""
+                tell(message["stage"] + load, message["share"])
 
         try:
             return daemon.call(command, arguments, news)
@@ -153,10 +156,17 @@ def _shown(status: dict[str, Any]) -> list[Any]:
     if recorder["last_death"]:
         fresh = "" if recorder["state"] == "gone" else f"; a fresh one is {recorder['state']}"
         lines.append(f"recorder: {recorder['last_death']}{fresh}")
+    if status["load"]:
+        lines.append(f"load in the last motion: {_mass(status['load'])}")
     if status["session"]:
         s = status["session"]
         lines.append(f"session {s['id']}: {s['state']}, {s['stage']} ({100 * s['progress']:.0f} %)")
     return lines
+
+
+def _mass(load: dict[str, Any]) -> str:
+    mass = load["mass"]
+    return f"{mass['value']:.3f} ± {mass['standard_error']:.3f} {mass['unit']}"
 
 
 def _figure(value: float | None) -> str:

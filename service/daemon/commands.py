@@ -135,5 +135,6 @@ async def _status(conductor: Conductor) -> dict[str, Any]:
         "installation": str(conductor.moving.installation.path),
         **status,
         "recorder": {**asdict(recorder), "path": None if recorder.path is None else str(recorder.path)},
+        "load": conductor.moving.load_now,
         "session": session,
     }

@@ -21,8 +21,9 @@ ENABLED = (LoopState.HOLDING, LoopState.PLAYING)
 class RunningSession:
     """A session at work. ``outcome`` is its answer, or the exception that ended it, once ``work`` is done."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, moving: MovingArm) -> None:
         self.session = session
+        self._moving = moving
         self.stage = ""
         self.share = 0.0
         self.work: asyncio.Task[dict[str, Any]]
@@ -38,12 +39,16 @@ class RunningSession:
     async def follow(self, progress: Callable[[dict[str, Any]], Awaitable[None]]) -> dict[str, Any]:
         """Send progress until the session ends; its answer, or its exception. Cancelling the following leaves it be."""
         self.work.add_done_callback(lambda _: self._news.set())
-        await progress({"session": self.session.id, "stage": self.stage, "share": self.share})
+        await progress(self._now())
         while not self.work.done():
             await self._news.wait()
             self._news.clear()
-            await progress({"session": self.session.id, "stage": self.stage, "share": self.share})
+            await progress(self._now())
         return await asyncio.shield(self.work)
+
+    def _now(self) -> dict[str, Any]:
+        load = self._moving.load_now
+        return {"session": self.session.id, "stage": self.stage, "share": self.share, "load": load}
 
 
 class Conductor:
@@ -67,7 +72,7 @@ class Conductor:
                 "wait for it, or end it with etude stop",
             )
         session = self.store.create(procedure.kind, procedure.arguments(), attached=attached, uid=uid)
-        running = RunningSession(session)
+        running = RunningSession(session, self.moving)
         running.work = asyncio.create_task(self._conduct(procedure, running), name=session.id)
         running.work.add_done_callback(_retrieve)
         self.current = running

@@ -69,7 +69,8 @@ class IdentifyLoad:
         return self._asked.model_dump(mode="json")
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
-        paths = await play_recorded(moving, session, self._plans, part(tell, 0.0, PLAYING_SHARE))
+        paths = await play_recorded(moving, session, self._plans, part(tell, 0.0, PLAYING_SHARE), follow_load=True)
+        live = moving.load_now
         tell("estimating", PLAYING_SHARE)
         asked = self._asked
         request = LoadRequest(
@@ -85,4 +86,4 @@ class IdentifyLoad:
             band_hz=asked.band_hz,
         )
         answer = await in_worker(request, part(tell, PLAYING_SHARE, 1.0))
-        return {"session": session.id, "recordings": [str(p) for p in paths], **answer}
+        return {"session": session.id, "recordings": [str(p) for p in paths], "live": live, **answer}

@@ -6,7 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from config.schema import Mode
 from driver.arm import ArmLoop
 from driver.plan import Plan
 from service.outcomes import ArmStopped
+from service.sessions.live_load import LiveLoadProcess
 from service.sessions.standing_recorder import StandingRecorder
 from service.sessions.store import Session
 
@@ -29,21 +30,45 @@ AT_REST_BEFORE_S = 0.2
 AT_REST_AFTER_S = 0.5
 """Loop time recorded around a motion: what the noise is measured on, and what settles after it."""
 ALREADY_THERE_RAD = 1e-3
+FOLLOWED_WITHIN_S = 20.0
 
 
 class MovingArm:
     """Moves the arm and records it for one session at a time. Blocking calls of the driver run in threads."""
 
-    def __init__(self, installation: Installation, loop: ArmLoop, recorder: StandingRecorder) -> None:
+    def __init__(self, installation: Installation, loop: ArmLoop, recorder: StandingRecorder, ring_name: str) -> None:
         self.installation = installation
         self.loop = loop
         self.recorder = recorder
+        self._ring_name = ring_name
+        self._live_load: LiveLoadProcess | None = None
 
     async def enable(self, mode: Mode) -> None:
         """Enable all drives; the arm holds where it is. What could not be recorded is not begun: raises InputError
         when the recorder is gone and no fresh one can be had."""
         await asyncio.to_thread(self.recorder.revive)
         await asyncio.to_thread(self.loop.enable, mode)
+        await asyncio.to_thread(self._follow_the_load)
+
+    @property
+    def load_now(self) -> dict[str, Any] | None:
+        """What the wrist carries, as far as the motion since the last enabling has told: see `LiveLoadProcess`."""
+        return None if self._live_load is None else self._live_load.latest()
+
+    async def load_followed(self) -> None:
+        """Wait until the load is being followed, where there is a wrist sensor; for a while at most."""
+        if self._live_load is not None and not await asyncio.to_thread(self._live_load.wait_ready, FOLLOWED_WITHIN_S):
+            log.warning("what the wrist carries is not followed while the arm moves")
+
+    def close(self) -> None:
+        """End what follows the arm."""
+        if self._live_load is not None:
+            self._live_load.close()
+
+    def _follow_the_load(self) -> None:
+        self.close()
+        if self.installation.wrench_sensor:
+            self._live_load = LiveLoadProcess(self.installation, self._ring_name)
 
     async def disable(self) -> None:
         await asyncio.to_thread(self.loop.disable)

@@ -28,8 +28,11 @@ def planned(
     return [plan_motion(name, installation, mode, controller) for name in motions]
 
 
-async def play_recorded(moving: MovingArm, session: Session, plans: Sequence[Plan], tell: Tell) -> list[Path]:
-    """Recordings of these plans of one mode, one after the other; the drives are off before and after.
+async def play_recorded(
+    moving: MovingArm, session: Session, plans: Sequence[Plan], tell: Tell, *, follow_load: bool = False
+) -> list[Path]:
+    """Recordings of these plans of one mode, one after the other; the drives are off before and after. With
+    ``follow_load`` the first begins only once the load is being followed.
 
     Raises ArmStopped when the arm stopped meanwhile.
     """
@@ -37,6 +40,8 @@ async def play_recorded(moving: MovingArm, session: Session, plans: Sequence[Pla
         return []
     tell("enabling the drives", 0.0)
     await moving.enable(plans[0].mode)
+    if follow_load:
+        await moving.load_followed()
     paths = []
     for k, plan in enumerate(plans):
         begin, middle, end = ((k + part) / len(plans) for part in (0.0, 0.5, 1.0))

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.delays import Delay
-from estimator.loads import LoadOptions, LoadRecording, RecursiveLoad, RigidLoad, identify_load, identify_static_load
+from estimator.loads import (
+    LiveLoad,
+    LoadOptions,
+    LoadRecording,
+    RecursiveLoad,
+    RigidLoad,
+    identify_load,
+    identify_static_load,
+)
 from estimator.loads.frame_motion import frame_motion
 from estimator.loads.parameters import rigid_load
 from estimator.loads.poses import Poses, resting_poses
@@ -125,6 +133,43 @@ def swinging(arm: Any) -> Array:
     poles = [1.0, -2.0 * pole.real, abs(pole) ** 2]
     start = arm.wrench[0]
     return np.asarray(lfilter([sum(poles)], poles, arm.wrench - start, axis=0) + start)
+
+
+def test_live_load_tells_the_mass_once_the_wrist_has_turned(loaded_puma: Any) -> None:
+    arm = loaded_puma
+    limits = np.array([200.0] * 3 + [20.0] * 3)
+    live = LiveLoad(arm.body, "tool", 200.0, limits)
+    dq = np.gradient(arm.q, arm.t, axis=0)
+    seen = arm.wrench + arm.offset + arm.noise * np.random.default_rng(4).normal(size=arm.wrench.shape)
+    told: list[tuple[float, float]] = []
+    for begin in range(0, len(arm.t), 20):
+        here = slice(begin, begin + 20)
+        live.feed(arm.t[here], arm.q[here], dq[here], seen[here], arm.t[here])
+        mass = live.mass
+        if mass is None:
+            # At rest weight and offset are one.
+            assert not told
+        else:
+            told.append((float(mass.value), float(mass.standard_error)))
+    assert np.abs(arm.q[: np.searchsorted(arm.t, arm.t[0] + 0.3)] - arm.q[0]).max() < 1e-2
+    errors = [error for _, error in told]
+    assert errors[-1] < 0.05
+    assert abs(told[-1][0] - arm.mass) < 4.0 * errors[-1]
+
+
+def test_live_load_begins_anew_after_a_gap(loaded_puma: Any) -> None:
+    arm = loaded_puma
+    dq = np.gradient(arm.q, arm.t, axis=0)
+    known = []
+    for gap in (0, 60):
+        live = LiveLoad(arm.body, "tool", 200.0, np.array([200.0] * 3 + [20.0] * 3))
+        keep = np.delete(np.arange(len(arm.t)), np.arange(700, 700 + gap))
+        wrench = arm.wrench + arm.offset
+        live.feed(arm.t[keep], arm.q[keep], dq[keep], wrench[keep], arm.t[keep])
+        known.append(live.mass)
+    assert known[1] is not None
+    assert abs(known[1].value - arm.mass) < 0.02
+    assert known[1].standard_error > known[0].standard_error
 
 
 def test_recursive_follows_load_and_drift(loaded_puma: Any) -> None:

@@ -121,6 +121,13 @@ def test_a_session_identifies_the_block(identified: Identified) -> None:
     assert Path(answer["plot"]).stat().st_size > 10_000
 
 
+def test_the_load_was_known_while_the_arm_moved(identified: Identified) -> None:
+    live = identified.answer["live"]["mass"]
+    assert live["unit"] == "kg"
+    assert 0.0 < live["standard_error"] < 0.1
+    assert abs(live["value"] - MASS) < 4.0 * live["standard_error"]
+
+
 def test_recordings_alone_say_the_same_in_every_form(identified: Identified, tmp_path: Path, etude: Etude) -> None:
     files = identified.recordings
     again = etude.answer("identify", "load", *files, "--out", str(tmp_path / "again"))
