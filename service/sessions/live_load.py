@@ -55,8 +55,8 @@ class LiveLoadProcess:
         try:
             while self._news.poll(seconds):
                 self._latest, self._ready, seconds = self._news.recv(), True, 0.0
-        except EOFError:
-            # It has ended, and what it told last stays.
+        except (EOFError, OSError):
+            # It has ended, maybe in the middle of a word, or was closed meanwhile: what it told last stays.
             return
 
     def close(self) -> None:

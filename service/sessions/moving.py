@@ -68,7 +68,11 @@ class MovingArm:
     def _follow_the_load(self) -> None:
         self.close()
         if self.installation.wrench_sensor:
-            self._live_load = LiveLoadProcess(self.installation, self._ring_name)
+            try:
+                self._live_load = LiveLoadProcess(self.installation, self._ring_name)
+            except OSError as error:
+                self._live_load = None
+                log.warning("what the wrist carries is not followed: no process could be started (%s)", error.strerror)
 
     async def disable(self) -> None:
         await asyncio.to_thread(self.loop.disable)
