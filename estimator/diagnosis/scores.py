@@ -33,6 +33,7 @@ class Scores:
         self.weights = np.ones(len(design.channels))
         self._training = without_each(self.total, blocks, folds)
         self._sizes: dict[int, int] = {}
+        self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
         self.chance: Chance = resample(self.model([]), self.groups)
 
@@ -95,11 +96,12 @@ class Scores:
         return self._gains[key]
 
     def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
-        """Best candidate of every other effect (or of every map), its gain and its gain less penalty, best first."""
+        """Best supported candidate of every other effect (or of every map), its gain and its gain less penalty, best
+        first."""
         gains = self.gains(chosen)
         taken = {self.owner[k] for k in chosen if not self.recurs(k)}
         best: dict[int, int] = {}
-        for k in np.argsort(-gains):
+        for k in np.argsort(self._penalties - gains):
             if self.owner[k] not in taken and self.is_map[self.owner[k]] == maps and np.isfinite(gains[k]):
                 if any(self.owner[k] == self.owner[c] and self.alike(int(k), c, _SAME_ORDER) for c in chosen):
                     continue

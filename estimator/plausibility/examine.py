@@ -27,6 +27,9 @@ _FAR_BETTER = 0.4
 """Misfit of another reading over that of the channels as they came, to be believed."""
 _POOR = 0.2
 """A misfit, on every joint of an arm, that no friction makes."""
+_COUPLED = 3
+"""Joints of which the way they hang together says whose they are, whatever they weigh; of two, a cogging or a contact
+may be more than that."""
 _VISIBLE = 0.1
 """What the links should make of it, at least, in half of the joints: where friction and cogging are all there is to
 see, nothing is said of the links."""
@@ -62,7 +65,8 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool 
     ``trajectories`` with their unusable torques marked. Units by comparison of channels; order, direction and sign of
     the joints by what fits the arm's structure far better than the channels as they came; size and sign of the torques
     by the URDF's masses where it has some. ``believed``: these masses are no first guess but the model that is to be
-    judged, so that what contradicts them all is of another arm, in another unit, or misread.
+    judged, so that what contradicts them all is of another arm, in another unit, or misread; of a body without
+    masses it is the way its joints hang together.
     """
     doubts = examine_motion(body, trajectories)
     shot = take(trajectories)
@@ -76,6 +80,8 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool 
         doubts = [doubt for doubt in doubts if doubt.wrong]
         doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
         return doubts or _against_model(GivenModel(body, base), trajectories, thinned(shot))
+    if believed and body.n >= _COUPLED:
+        doubts = [replace(doubt, wrong=True) for doubt in doubts]
     return doubts or torque_against_masses(body, shot)
 
 

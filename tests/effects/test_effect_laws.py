@@ -78,9 +78,15 @@ def test_a_push_is_held_by_the_transposed_jacobian(signals: Signals) -> None:
 def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
     mass, centre = 0.8, np.array([0.02, -0.01, 0.05])
     heavier = signals.body.prior()
-    heavier[-10:-6] += mass * np.array([1.0, *centre])
+    about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    heavier[-10:] += [mass, *(mass * centre), *about[np.triu_indices(3)]]
     expected = inverse_dynamics(signals.body, heavier, signals.q, signals.dq, signals.ddq) - signals.tau_rigid
     np.testing.assert_allclose(torque("payload", Place(), signals, mass=mass, centre=centre), expected, atol=1e-9)
+    own = np.array([2e-3, 1e-4, 0.0, 3e-3, -2e-4, 2.5e-3])
+    heavier[-6:] += own
+    expected = inverse_dynamics(signals.body, heavier, signals.q, signals.dq, signals.ddq) - signals.tau_rigid
+    bulky = torque("payload", Place(), signals, mass=mass, centre=centre, inertia=own)
+    np.testing.assert_allclose(bulky, expected, atol=1e-9)
 
 
 def test_a_late_torque_is_that_of_the_time_before(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -75,6 +76,15 @@ def scaled(channel: str, size: float | Sequence[float]) -> Alter:
 def test_friction_is_no_wrong_input(seven: Recorded, dda: Recorded) -> None:
     for arm in (seven, dda):
         assert examine(arm.body, arm.trajectories, believed=True) == []
+
+
+def test_kinematics_alone_tell_another_arm(seven: Recorded) -> None:
+    """What bodies of any weight cannot have done; and this arm's own, without its masses, are not doubted."""
+    own = re.sub("<inertial>.*?</inertial>", "", seven.urdf.read_text(), flags=re.DOTALL)
+    assert examine(load_rigid_body(own), seven.trajectories, believed=True) == []
+    parallel = re.sub('rpy="[^"]*"', 'rpy="0 0 0"', own)
+    (doubt,) = examine(load_rigid_body(parallel), seven.trajectories, believed=True)
+    assert (doubt.kind, doubt.wrong) == ("another arm", True)
 
 
 @pytest.mark.parametrize("size", [1e3, 1.0 / 9.80665, 10.197, -1.0], ids=["mN·m", "kgf·m", "kgf·cm", "sign"])
