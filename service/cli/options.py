@@ -21,7 +21,9 @@ JsonOption = Annotated[
 ArmOption = Annotated[
     str | None,
     typer.Option(
-        "--arm", metavar="NAME", help="Configured arm, or an installation file. [$ETUDE_ARM, else the running one]"
+        "--arm",
+        metavar="NAME",
+        help="Configured arm, or an installation file; for recordings also a URDF. [$ETUDE_ARM, else the running one]",
     ),
 ]
 AttachedOption = Annotated[
