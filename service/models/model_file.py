@@ -19,6 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from config import InputError
 from config.text_file import read_text
 from estimator.arm_model import ArmModel, FittedEffect, identified_model
+from estimator.diagnosis.design import Hypothesis
+from estimator.diagnosis.quantities import unit_of
 from estimator.effects import Place, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody, load_rigid_body
@@ -212,7 +214,7 @@ def _entry(one: FittedEffect, body: RigidBody) -> EffectEntry:
     def name(joint: int | None) -> str | None:
         return None if joint is None else body.joints[joint]
 
-    units = effect(one.name).units
+    hypothesis = Hypothesis(effect(one.name), one.place)
     return EffectEntry(
         name=one.name,
         joint=name(one.place.joint),
@@ -220,7 +222,11 @@ def _entry(one: FittedEffect, body: RigidBody) -> EffectEntry:
         channel=one.place.channel,
         shape=None if one.shape is None else tuple(one.shape.tolist()),
         parameter={
-            key: Parameter(value=_number(value), standard_error=_error(one.standard_error, key), unit=units[key])
+            key: Parameter(
+                value=_number(value),
+                standard_error=_error(one.standard_error, key),
+                unit=unit_of(hypothesis, key, body),
+            )
             for key, value in one.parameters.items()
             if key != "joint_other"
         },

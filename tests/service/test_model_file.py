@@ -137,3 +137,17 @@ def test_what_the_arm_cannot_have_is_refused(
     path.write_text(text.replace(found, put))
     with pytest.raises(InputError, match=said):
         arm_model(read_model(path))
+
+
+def test_a_sliding_joint_s_effects_have_units_of_forces(tmp_path: Path) -> None:
+    urdf = tmp_path / "slide.urdf"
+    urdf.write_text(
+        "<robot name='slide'><link name='base'/><link name='carriage'><inertial><mass value='3'/>"
+        "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link><joint name='axis' "
+        "type='prismatic'><parent link='base'/><child link='carriage'/><axis xyz='1 0 0'/>"
+        "<limit lower='-1' upper='1' velocity='1' effort='9'/></joint></robot>"
+    )
+    spring = FittedEffect("joint_spring", Place(0), {"stiffness": 60.0, "centre": 0.05}, {"stiffness": 0.1})
+    file = model_file("slide", ArmModel(load_rigid_body(urdf), (spring,)), "made up", [])
+    units = {name: parameter.unit for name, parameter in file.effect[0].parameter.items()}
+    assert units == {"stiffness": "N/m", "centre": "m"}
