@@ -19,7 +19,7 @@ from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.playing import Run, as_recorded, play
 from benchmarks.campaign.sensor_causes import SENSORS
-from benchmarks.campaign.sizing import Scale, amplitude_for, noise_rms
+from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_rms
 from benchmarks.campaign.transmission_causes import TRANSMISSION
 from config import Installation
 from virtual_hw.hidden import HiddenMechanics
@@ -75,6 +75,9 @@ class Truth:
     scatter: float
     causes: tuple[TrueCause, ...]
     excused: frozenset[Named] = frozenset()
+    recorded_noise: float | None = None
+    """Torque noise in the recordings over the sensors', in multiples of which sizes are told; median of the joints.
+    None where it was not measured."""
 
     def as_json(self) -> dict[str, Any]:
         """For the envelope."""
@@ -161,6 +164,8 @@ class Prepared:
     """Of so many samples of the plant one is recorded."""
     jitter_s: float
     seed: int
+    noise: Array
+    """(joints,) RMS of the torque sensors' noise in the band, N·m."""
 
 
 def prepare(plan: Plan, urdf: Path) -> Prepared:
@@ -174,7 +179,8 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
     installation = _with_urdf(arm.installation, urdf)
     playlist = draw_playlist(installation, rng, plan.seconds)
     noise = _noise_tables(arm, float(np.exp(0.3 * rng.standard_normal())))
-    scale = Scale(installation, playlist, mechanics(arm, [], []), _torque_noise(noise, arm, plan))
+    sensors = _torque_noise(noise, arm, plan)
+    scale = Scale(installation, playlist, mechanics(arm, [], []), sensors)
     causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
     hidden = mechanics(arm, causes, [*(c.tables(a) for c, a in zip(causes, amplitudes, strict=True)), noise])
     return Prepared(
@@ -185,6 +191,7 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
         every=int(RATE_HZ / (500.0 if plan.arm == "dda" else 250.0)),
         jitter_s=float(rng.choice(JITTER_S)),
         seed=int(rng.integers(2**31)),
+        noise=sensors,
     )
 
 
@@ -194,7 +201,9 @@ def stage(plan: Plan, folder: Path) -> Staged:
     played = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
     rng = np.random.default_rng([prepared.seed, 1])
     runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played]
-    return Staged(prepared.truth, folder / "arm.urdf", tuple(runs))
+    share = np.hypot(1.0, folded_rms(played, prepared.every) / prepared.noise)
+    truth = replace(prepared.truth, recorded_noise=float(np.median(share)))
+    return Staged(truth, folder / "arm.urdf", tuple(runs))
 
 
 def _causes(
@@ -265,7 +274,7 @@ def _noise_tables(arm: TrueArm, factor: float) -> Tables:
     return tables
 
 
-def _torque_noise(noise: Tables, arm: TrueArm, plan: Plan) -> Any:
+def _torque_noise(noise: Tables, arm: TrueArm, plan: Plan) -> Array:
     sensors = HiddenMechanics.model_validate(noise).torque_sensor
     by_joint = {sensor.joint: sensor.noise for sensor in sensors}
     return noise_rms([by_joint.get(joint, SILENT) for joint in arm.joints], plan.seed)

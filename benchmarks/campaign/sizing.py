@@ -34,15 +34,28 @@ FAR = 2.5
 """Times the wanted size by which a first guess may miss before it is tried again."""
 
 
-def in_band(x: Array) -> Array:
-    """Zero-phase low-pass of samples × channels at the plant's rate."""
-    return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=RATE_HZ, output="sos"), x, axis=0))
+def in_band(x: Array, rate: float = RATE_HZ) -> Array:
+    """Zero-phase low-pass of samples × channels at a rate in Hz, by default the plant's."""
+    return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=rate, output="sos"), x, axis=0))
 
 
 def noise_rms(noise: Sequence[Noise], seed: int) -> Array:
     """RMS of each torque channel's noise in the band, N·m."""
     rows = list(islice(noise_rows(noise, 1.0 / RATE_HZ, seed, 0), int(NOISE_S * RATE_HZ)))
     return np.asarray(np.sqrt(np.mean(in_band(np.array(rows)) ** 2, axis=0)))
+
+
+def folded_rms(runs: Sequence[Run], every: int) -> Array:
+    """RMS by joint of what the torque readings gain in the band when only every so-many-th sample is kept, N·m: the
+    servo's answer to its encoder's counts, and the sensor's noise, from above the band."""
+    rate = RATE_HZ / every
+    edge = int(EDGE_S * rate)
+    squares, count = np.zeros(runs[0].tau.shape[1]), 0
+    for run in runs:
+        gained = (in_band(run.tau[::every], rate) - in_band(run.tau)[::every])[edge:-edge]
+        squares += np.sum(gained**2, axis=0)
+        count += len(gained)
+    return np.sqrt(squares / count)
 
 
 def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMechanics) -> Array:

@@ -10,6 +10,7 @@ from math import sqrt
 import numpy as np
 
 from benchmarks.campaign.judging import Judgement
+from benchmarks.campaign.scenario import Truth
 
 Z = 1.96
 SIZES = ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.5), (1.5, np.inf))
@@ -74,7 +75,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
         _gain(judged),
         _median("seconds a diagnosis, median", [j.seconds for j in judged]),
     ]
-    return figures
+    return figures + _recorded_noise([j.truth for j in judged])
 
 
 def _share(
@@ -97,6 +98,15 @@ def _gain(judged: Iterable[Judgement]) -> CampaignFigure:
     return CampaignFigure(
         "held-out gain, share of an oracle's who knows the truth, mean", value, len(shares), None, 0.9
     )
+
+
+def _recorded_noise(truths: Sequence[Truth]) -> list[CampaignFigure]:
+    """By arm: an effect of size one is that much smaller beside what its recordings really have."""
+    by_arm: dict[str, list[float]] = {}
+    for truth in truths:
+        if truth.recorded_noise is not None:
+            by_arm.setdefault(truth.arm, []).append(truth.recorded_noise)
+    return [_median(f"torque noise as recorded / of the sensors, {arm}", by_arm[arm]) for arm in sorted(by_arm)]
 
 
 def mistaken(judged: Iterable[Judgement]) -> list[tuple[str, str, int]]:

@@ -21,6 +21,8 @@ from estimator.diagnosis.design import Design
 Array = NDArray[np.float64]
 
 DRAWS = 200
+_RIDGE = 1e-11
+"""Share of a column's energy that is noise of its own: columns that say the same have a root too."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
         inner = gram[:-1, :-1]
         # Columns of very different size: rounding of the largest must not be the noise of the smallest.
         norms = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
-        values, vectors = np.linalg.eigh(inner / np.outer(norms, norms))
-        root = norms[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        normal = inner / np.outer(norms, norms) + _RIDGE * np.eye(len(norms))
+        root = norms[:, None] * np.linalg.cholesky(normal)
         products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
     return np.asarray(products - model.cross.T @ model.solve(products[model.active] - pull))

@@ -14,11 +14,12 @@ from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
 from estimator.diagnosis.first_body import has_bodies
 from estimator.diagnosis.grams import sum_up, total
+from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import FALSE_ALARM, Cause, Search
+from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.torques import (
     left_out_power,
     plain_blocks,
@@ -87,12 +88,16 @@ def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
+    left[left < _VISIBLE] = 0.0
+    for joint, misfit in misfits(scores, chosen).items():
+        if misfit.told:
+            left[joint] = max(left[joint], misfit.variance)
     result = []
     for cause in causes:
         channels = list(scores.design.candidates[cause.candidate].channels)
         others = [k for k in chosen if scores.owner[k] != scores.owner[cause.candidate]]
         explained = scores.excess(others) - scores.excess(chosen)
-        if np.any(explained[channels] > np.maximum(left[channels], 0.0) * (left[channels] > _VISIBLE)):
+        if np.any(explained[channels] > left[channels]):
             result.append(cause)
     return result
 
@@ -152,20 +157,20 @@ def _unexplained(evidence: Evidence, scores: Scores, refined: Refined, chosen: l
     after = refined.model.squares() / rows
     freedom = evidence.noise.degrees_of_freedom or np.inf
     error = np.sqrt(2.0 / rows + 2.0 / freedom)
-    maps = scores.ranked(chosen, maps=True)
+    found = misfits(scores, chosen)
     result = {}
     for channel in torque_channels(evidence.design):
         joint = evidence.grid.channels[channel].index
-        explainable = max(before[channel] - 1.0, after[channel] - 1.0, error)
-        own = [(k, gain, net) for k, gain, net in maps if _of(scores, k).place.joint == joint]
-        candidate, gain, net = own[0]
-        told = net > 0.0 and scores.chance.false_alarm(int(scores.owner[candidate]), gain) < FALSE_ALARM
+        misfit = found[joint]
         # An assumed noise has an assumed colour: within it no pattern is more than that.
-        told = told and (evidence.noise.playings > 0 or after[channel] > 1.0)
-        share = max(after[channel] - 1.0, 2.0 * gain / (scores.weights[channel] * rows) if told else 0.0) / explainable
-        if told or after[channel] > 1.0 + max(_SIGNIFICANT * error, _VISIBLE):
+        told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
+        # A noise that is less than it was taken for is at most what such a pattern leaves.
+        noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
+        left = after[channel] - noise
+        if told or left > max(_SIGNIFICANT * error, _VISIBLE):
+            share = float(min(left / max(before[channel] - noise, left, error), 1.0))
             result[joint] = Unexplained(
-                float(min(share, 1.0)), _signature(scores, candidate) if told else "of no single quantity"
+                share, _signature(scores, misfit.candidate) if told else "of no single quantity"
             )
     return result
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from estimator.effects import Law, Parameters, Place, Scales, Signals
@@ -75,6 +76,18 @@ class Map(Law):
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         return {}
+
+
+def smoothest_first(columns: int) -> Array:
+    """(columns, columns) combinations of a map's coefficients, the smoothest first: polynomials of rising degree, a
+    jump at rest, where the map has one, after the straight line."""
+    shapes = legvander(np.linspace(-1.0, 1.0, _KNOTS), _KNOTS - 1)
+    if columns == _KNOTS:
+        return np.asarray(shapes)
+    result = np.zeros((columns, columns))
+    result[:_KNOTS, [0, 1, *range(3, columns)]] = shapes
+    result[_KNOTS:, 2] = 1.0
+    return result
 
 
 def hats(x: Array, knots: Array) -> Array:

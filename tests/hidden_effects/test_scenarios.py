@@ -12,10 +12,10 @@ import pytest
 from benchmarks.campaign.arms import ARMS, true_arm
 from benchmarks.campaign.cause import merged
 from benchmarks.campaign.motions import draw_playlist
-from benchmarks.campaign.playing import play
+from benchmarks.campaign.playing import Run, play
 from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
-from benchmarks.campaign.sizing import finely_counted, noise_rms, unexplained
+from benchmarks.campaign.sizing import BAND_HZ, finely_counted, folded_rms, noise_rms, unexplained
 from config.motion import check_motion
 from driver.recording import read_recording
 from virtual_hw.hidden import HiddenMechanics
@@ -80,6 +80,18 @@ def test_the_effect_has_the_wanted_size(staged: Staged) -> None:
     (cause,) = staged.truth.causes
     assert cause.size == pytest.approx(SHORT.size, rel=0.02)
     assert cause.parameters == {"level": cause.amplitude}
+
+
+def test_noise_as_recorded_is_the_sensors_and_what_folds_into_the_band() -> None:
+    random, rate, rows = np.random.default_rng(0), 1000, 40_000
+    slow = np.sin(2 * np.pi * 0.5 * np.arange(rows) / rate)[:, None] * np.array([30.0, 5.0])
+    chatter = random.normal(size=(rows, 2)) * np.array([2.0, 0.0])
+    still = np.zeros((rows, 2))
+    folded = folded_rms([Run("a", np.arange(rows) / rate, still, still, slow + chatter)], 4)
+    # Of four samples one is kept: of the white noise's density, three quarters come from above.
+    expected = 2.0 * np.sqrt(BAND_HZ / (rate / 8) * 0.75) * 1.05
+    assert folded[0] == pytest.approx(expected, rel=0.15)
+    assert folded[1] < 1e-3
 
 
 def test_the_same_plan_gives_the_same_recordings(staged: Staged, tmp_path: Path) -> None:

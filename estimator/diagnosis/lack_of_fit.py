@@ -1,0 +1,80 @@
+"""Whether what a model leaves of a torque still depends on something: a test of its fit that names no law.
+
+Every map is asked in its smoothest direction, its two smoothest, and so on; the most surprising depth counts, so that a
+bent law is not lost among the many forms that a map could take (data-driven smooth tests; Ledwina 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.stats import chi2
+
+from estimator.diagnosis.maps import smoothest_first
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN
+
+Array = NDArray[np.float64]
+
+_DEPTHS = 3.0
+"""As many independent tests behave like all depths of one map: each holds those before it."""
+_CONFIDENCE = 0.5
+"""Of a surprise, −log probability, what counts. The noise is worked out as even and of one colour; what a servo's
+counting adds comes and goes with the motion, and on clean arms surprises come out up to twice as large as chance's."""
+_TOLD = 1e-9
+"""Share of a column's energy that each keeps at least: what the model has taken of it whole is no surprise."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """The most surprising dependence of one joint's torque residual."""
+
+    candidate: int
+    """The map."""
+    variance: float
+    """Mean square that it explains, in the noise's variance."""
+    false_alarm: float
+    """Probability that chance makes any map of any joint as surprising."""
+
+    @property
+    def told(self) -> bool:
+        """Whether it is beyond chance, and no smaller than the noise is known."""
+        return self.false_alarm <= FALSE_ALARM and self.variance > LEAST_SEEN
+
+
+def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
+    """By joint, what the chosen candidates leave to a map."""
+    maps = [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
+    model, design = scores.model(chosen), scores.design
+    result: dict[int, Misfit] = {}
+    for k in maps:
+        matrix, score, energy = model.left_of(design.candidates[k].columns)
+        surprise, gain = _surprise(matrix, score, energy)
+        (channel,) = design.candidates[k].channels
+        joint = design.channels[channel].index
+        chance = -np.expm1(-len(maps) * _DEPTHS * np.exp(-surprise))
+        variance = 2.0 * gain / (scores.weights[channel] * scores.total.rows)
+        own = Misfit(k, float(variance), float(chance**_CONFIDENCE))
+        if joint not in result or own.false_alarm < result[joint].false_alarm:
+            result[joint] = own
+    return result
+
+
+def _surprise(matrix: Array, score: Array, energy: Array) -> tuple[float, float]:
+    """The largest −log probability of a map's gain under chance over all depths, and that depth's gain in nats.
+
+    ``matrix`` (c, c) products of its columns after the model's, ``score`` (c,) those with the residual, ``energy`` (c,)
+    squared norms before.
+    """
+    shapes = smoothest_first(len(score))
+    matrix, score, energy = shapes.T @ matrix @ shapes, shapes.T @ score, np.square(shapes).T @ energy
+    scale = 1.0 / np.sqrt(np.maximum(energy, np.finfo(float).tiny))
+    # The factor of the whole holds that of every depth.
+    factor = cholesky(matrix * np.outer(scale, scale) + _TOLD * np.eye(len(score)), lower=True)
+    squares = np.cumsum(solve_triangular(factor, score * scale, lower=True) ** 2)
+    surprises = -np.asarray(chi2.logsf(squares, 1.0 + np.arange(len(score))))
+    depth = int(np.argmax(surprises))
+    return float(surprises[depth]), float(0.5 * squares[depth])
