@@ -95,14 +95,14 @@ class Scores:
             self._gains[key] = self.model(chosen).gains(self.groups)[0]
         return self._gains[key]
 
-    def ranked(self, chosen: Sequence[int], maps: bool = False) -> list[tuple[int, float, float]]:
-        """Best supported candidate of every other effect (or of every map), its gain and its gain less penalty, best
+    def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
+        """Best supported candidate of every other effect, its gain and its gain less penalty, best
         first."""
         gains = self.gains(chosen)
         taken = {self.owner[k] for k in chosen if not self.recurs(k)}
         best: dict[int, int] = {}
         for k in np.argsort(self._penalties - gains):
-            if self.owner[k] not in taken and self.is_map[self.owner[k]] == maps and np.isfinite(gains[k]):
+            if self.owner[k] not in taken and not self.is_map[self.owner[k]] and np.isfinite(gains[k]):
                 if any(self.owner[k] == self.owner[c] and self.alike(int(k), c, _SAME_ORDER) for c in chosen):
                     continue
                 best.setdefault(int(self.owner[k]), int(k))
