@@ -96,8 +96,7 @@ class Scores:
         return self._gains[key]
 
     def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
-        """Best supported candidate of every other effect, its gain and its gain less penalty, best
-        first."""
+        """Best supported candidate of every other effect, its gain and its gain less penalty, best first."""
         gains = self.gains(chosen)
         taken = {self.owner[k] for k in chosen if not self.recurs(k)}
         best: dict[int, int] = {}
