@@ -14,7 +14,7 @@ from estimator.plausibility.doubt import Doubt
 from estimator.plausibility.given_model import GivenModel, thinned
 from estimator.plausibility.hypotheses import Reading, readings
 from estimator.plausibility.misread import UNRELATED, misread
-from estimator.plausibility.snapshot import SNAPSHOT_BAND, Fit, Snapshot, fit, inertias, take
+from estimator.plausibility.snapshot import CHANNELS, ORDERS, SNAPSHOT_BAND, Fit, Snapshot, fit, inertias, take
 from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
@@ -143,9 +143,10 @@ def _of_reading(body: RigidBody, reading: Reading, as_it_is: float) -> Doubt:
     listed = ", ".join(names)
     gain = f"{100.0 * as_it_is:.0f} % of a typical joint's torque stays unexplained, {100.0 * reading.misfit:.1f} % if"
     evidence = reading.misfit / as_it_is
-    if reading.kind == "joint order":
+    if reading.kind in ORDERS:
+        what = CHANNELS[reading.kind]
         order = ", ".join(f"{body.joints[k]} as {body.joints[j]}" for j, k in enumerate(reading.order) if j != k)
-        problem, remedy = f"joints are out of order: {gain} one reads {order}", "put the columns in the URDF's order"
+        problem, remedy = f"{what} are out of order: {gain} one reads {order}", f"put the {what} in the URDF's order"
     elif reading.kind == "torque sign":
         problem, remedy = f"the torque of {listed} has the wrong sign: {gain} it is turned", "turn its sign"
     elif reading.kind == "joint turned round":

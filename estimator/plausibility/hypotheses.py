@@ -1,4 +1,4 @@
-"""What else the recordings could be: joints in another order or turned round, torques of the other sign, degrees.
+"""What else the recordings could be: channels in another order, joints turned round, torques turned, degrees.
 
 Each hypothesis is the same data read in another way, and is fitted as they are. Physics decides: links share their
 parameters over the joints, so the right reading of the channels fits far better than any wrong one.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
 from estimator.plausibility.doubt import Kind
-from estimator.plausibility.snapshot import Snapshot, fit
+from estimator.plausibility.snapshot import ORDERS, Snapshot, fit
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -27,8 +27,8 @@ _BETTER = 0.98
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read the channels, and what it leaves unexplained. ``order``: for a joint order, what is recorded at
-    each of the body's joints."""
+    """One way to read the channels, and what it leaves unexplained. ``order``: for one of `ORDERS`, what is recorded
+    at each of the body's joints."""
 
     kind: Kind
     joints: tuple[int, ...]
@@ -43,10 +43,11 @@ def readings(body: RigidBody, base: BaseParameters, shot: Snapshot, as_it_is: fl
         trial = fit(body, base, other)
         if trial is not None:
             result.append(Reading(kind, joints, trial.misfit))
-    order, misfit = _best_order(body, base, shot, as_it_is)
-    changed = tuple(j for j, k in enumerate(order) if j != k)
-    if changed:
-        result.append(Reading("joint order", changed, misfit, tuple(order)))
+    for kind in ORDERS:
+        order, misfit = _best_order(body, base, shot, kind, as_it_is)
+        changed = tuple(j for j, k in enumerate(order) if j != k)
+        if changed:
+            result.append(Reading(kind, changed, misfit, tuple(order)))
     return sorted(result, key=lambda reading: reading.misfit)
 
 
@@ -67,7 +68,9 @@ def _simple(shot: Snapshot) -> Iterator[tuple[Kind, tuple[int, ...], Snapshot]]:
         )
 
 
-def _best_order(body: RigidBody, base: BaseParameters, shot: Snapshot, as_it_is: float) -> tuple[list[int], float]:
+def _best_order(
+    body: RigidBody, base: BaseParameters, shot: Snapshot, kind: Kind, as_it_is: float
+) -> tuple[list[int], float]:
     """Exchanges of two joints, the best first, for as long as one helps. All of them together make any order."""
     order, misfit = list(range(body.n)), as_it_is
     for _ in range(body.n - 1):
@@ -75,7 +78,7 @@ def _best_order(body: RigidBody, base: BaseParameters, shot: Snapshot, as_it_is:
         for a, b in combinations(range(body.n), 2):
             trial = order.copy()
             trial[a], trial[b] = trial[b], trial[a]
-            found = fit(body, base, shot.of(trial))
+            found = fit(body, base, shot.of(kind, trial))
             if found is not None:
                 trials.append((found.misfit, trial))
         best = min(trials, default=(np.inf, order))

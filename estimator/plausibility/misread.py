@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimator.plausibility.doubt import Doubt, Kind
 from estimator.plausibility.given_model import GivenModel
-from estimator.plausibility.snapshot import Snapshot
+from estimator.plausibility.snapshot import CHANNELS, ORDERS, Snapshot
 
 Array = NDArray[np.float64]
 
@@ -38,13 +38,6 @@ _EXPLAINED = 0.3
 UNRELATED = 0.4
 """Of what friction does not explain, what links that are about right never leave in a typical joint: recordings of
 the stand-in's arms and of real ones leave 0.29 at the most, with the URDFs of other arms 0.53 and more."""
-
-_ORDERS: dict[Kind, tuple[str, ...]] = {
-    "joint order": ("q", "dq", "ddq", "tau", "moving", "usable"),
-    "torque order": ("tau", "usable"),
-    "angle order": ("q", "dq", "ddq", "moving"),
-}
-_CHANNELS: dict[Kind, str] = {"joint order": "joints", "torque order": "torques", "angle order": "angles"}
 
 
 @dataclass(frozen=True)
@@ -79,8 +72,8 @@ def _readings(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[_R
         if left is not None:
             yield _Reading(kind, (joint,), left, size=size)
     backwards = list(range(model.body.n))[::-1]
-    for kind in _ORDERS:
-        left = model.left(_in_order(shot, kind, backwards))
+    for kind in ORDERS:
+        left = model.left(shot.of(kind, backwards))
         if left is not None:
             yield _Reading(kind, tuple(range(model.body.n)), left, tuple(backwards))
         found = _ordered(model, shot, kind, as_it_is)
@@ -114,7 +107,7 @@ def _ordered(model: GivenModel, shot: Snapshot, kind: Kind, as_it_is: Array) -> 
         for a, b in combinations(range(n), 2):
             trial = order.copy()
             trial[a], trial[b] = trial[b], trial[a]
-            other = model.left(_in_order(shot, kind, trial))
+            other = model.left(shot.of(kind, trial))
             if other is not None:
                 trials.append((_gain(left, other), trial, other))
         gain, trial, other = max(trials, key=lambda t: t[0], default=(0.0, order, left))
@@ -125,18 +118,14 @@ def _ordered(model: GivenModel, shot: Snapshot, kind: Kind, as_it_is: Array) -> 
     return _Reading(kind, moved, left, tuple(order)) if moved else None
 
 
-def _in_order(shot: Snapshot, kind: Kind, order: Sequence[int]) -> Snapshot:
-    return replace(shot, **{name: getattr(shot, name)[:, list(order)] for name in _ORDERS[kind]})
-
-
 def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:
     joints = tuple(names[j] for j in reading.joints)
     ratio = reading.left / np.maximum(as_it_is, 1e-9)
     worst = int(np.nanargmin(ratio))
     before, after = 100.0 * as_it_is[worst], 100.0 * reading.left[worst]
     gain = f"{before:.2g} % of the torque of {names[worst]} contradicts the model, {after:.2g} % if"
-    if reading.kind in _ORDERS:
-        what = _CHANNELS[reading.kind]
+    if reading.kind in ORDERS:
+        what = CHANNELS[reading.kind]
         order = ", ".join(f"{names[k]} as {names[j]}" for j, k in enumerate(reading.order) if j != k)
         problem, remedy = f"{what} are out of order: {gain} one reads {order}", f"put the {what} in the URDF's order"
     elif reading.kind == "torque sign":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.filtering import plan_filter, resample, smooth_motion
+from estimator.plausibility.doubt import Kind
 from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK
@@ -35,6 +36,15 @@ _NARROW = 0.02
 """rad/s: width of the friction sigmoid; joints at rest are left out anyway."""
 
 
+ORDERS: dict[Kind, tuple[str, ...]] = {
+    "joint order": ("q", "dq", "ddq", "tau", "moving", "usable"),
+    "torque order": ("tau", "usable"),
+    "angle order": ("q", "dq", "ddq", "moving"),
+}
+"""What of a snapshot is exchanged where channels came in another order."""
+CHANNELS: dict[Kind, str] = {"joint order": "joints", "torque order": "torques", "angle order": "angles"}
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """(samples, n) each, joints as the body has them; ``moving`` where the joint does not rest, ``usable`` where its
@@ -47,17 +57,9 @@ class Snapshot:
     moving: NDArray[np.bool_]
     usable: NDArray[np.bool_]
 
-    def of(self, order: Sequence[int]) -> Snapshot:
-        """The same with the joints' channels in another order."""
-        some = list(order)
-        return Snapshot(
-            self.q[:, some],
-            self.dq[:, some],
-            self.ddq[:, some],
-            self.tau[:, some],
-            self.moving[:, some],
-            self.usable[:, some],
-        )
+    def of(self, kind: Kind, order: Sequence[int]) -> Snapshot:
+        """The same with the channels of a kind of `ORDERS` in another order."""
+        return replace(self, **{name: getattr(self, name)[:, list(order)] for name in ORDERS[kind]})
 
 
 def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:

@@ -82,6 +82,17 @@ def test_joints_out_of_order_are_named(six_axis: RigidBody, recording: Trajector
         assert told == (place != joint)
 
 
+@pytest.mark.parametrize("order", [[1, 0, 2, 3, 4, 5], [0, 1, 4, 3, 2, 5]])
+def test_channels_exchanged_by_themselves_are_named(
+    six_axis: RigidBody, recording: Trajectory, order: list[int]
+) -> None:
+    doubt = named(six_axis, replace(recording, tau=recording.tau[:, order]))
+    assert doubt.kind == "torque order"
+    assert doubt.wrong
+    turned = replace(recording, q=recording.q[:, order], dq=np.asarray(recording.dq)[:, order])
+    assert named(six_axis, turned).kind == "angle order"
+
+
 def test_torque_of_the_other_sign(six_axis: RigidBody, recording: Trajectory) -> None:
     doubt = named(six_axis, replace(recording, tau=-recording.tau))
     assert doubt.kind == "torque sign"
