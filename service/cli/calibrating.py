@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
+from config import InputError
 from service import outcomes
-from service.answers import finite
+from service.cli.asking import ControllerOption, ModeOption, conduct, motion_reference
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, BandOption, FrameOption, JsonOption
-from service.identification.request import LoadRequest, as_paths
+from service.cli.options import (
+    ArmOption,
+    AttachedOption,
+    BandOption,
+    FrameOption,
+    JsonOption,
+    MotionsOption,
+    Names,
+    refuse,
+)
+from service.identification.request import TorqueConstantRequest, as_paths
 
 app = typer.Typer(help="Calibrate what the arm measures.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -24,33 +33,60 @@ def calibrate() -> None:
 
 @app.command("torque-constant")
 def torque_constant(
-    loaded: Annotated[list[str], typer.Argument(metavar="LOADED...", help="Recordings with a load and its wrench.")],
+    loaded: Annotated[
+        Names,
+        typer.Argument(metavar="[LOADED]...", help="Recordings with a load and its wrench. None: the arm moves."),
+    ] = None,
     without: Annotated[
-        list[str], typer.Option("--without", metavar="FREE", help="The same motion without the load; repeat.")
-    ],
+        Names,
+        typer.Option("--without", metavar="FREE", help="The same motion without the load; repeat. None: record it."),
+    ] = None,
     arm: ArmOption = None,
     frame: FrameOption = None,
     band_hz: BandOption = None,
+    motion: MotionsOption = None,
+    mode: ModeOption = "csp",
+    controller: ControllerOption = "pd",
+    attached: AttachedOption = False,
     json: JsonOption = None,
 ) -> None:
     """True over measured torque of each joint, by a load that the wrist sensor weighs.
 
-    Exit code 1: the load reaches no joint well enough.
+    By moving the arm: first without a load, then with one, --without what was recorded first. Exit code 1: the load
+    reaches no joint well enough.
     """
-    from service.identification.torque_constant import calibrate as calibrate_from
-    from service.reports.link_tables import figure
+    if loaded:
+        refuse((("--motion", motion), ("--attached", attached)), "is for calibrating by moving the arm", "leave it out")
+        answer = _from_recordings(loaded, without or [], arm, frame, band_hz)
+    else:
+        refuse((("--frame", frame),), "is for calibrating from recordings", "leave it out")
+        asked = {
+            "without": [str(path) for path in as_paths(without or [])],
+            "motions": [motion_reference(m) for m in motion or []],
+            "band_hz": band_hz,
+            "mode": mode,
+            "controller": controller,
+            "attached": attached,
+        }
+        answer = conduct(arm, "calibrate_torque_constant", asked)
+    from service.reports.torque_constant_table import torque_constant_report
 
-    request = LoadRequest(as_paths(loaded), Path(), without=as_paths(without), arm=arm, frame=frame, band_hz=band_hz)
-    with progress() as tell:
-        answer = calibrate_from(request, tell)
     for note in [*answer["notes"], *answer["warnings"]]:
         say(f"etude: {note}")
-    table = Table(
-        "joint", "true / measured", "± std. error", "rated_torque_nm", "± std. error", "load [N·m rms]", box=None
-    )
-    for joint, found in answer["joints"].items():
-        numbers = (found[key][part] for key in ("gain", "rated_torque_nm") for part in ("value", "standard_error"))
-        table.add_row(joint, *(figure(finite(x)) for x in numbers), figure(found["load_torque_rms"]))
-    publish(answer, json, f"arm {answer['arm']}: {answer['status']}", table)
-    if answer["status"] != "calibrated":
+    publish(answer, json, *torque_constant_report(answer))
+    if answer["joints"] is not None and answer["status"] != "calibrated":
         raise typer.Exit(outcomes.ANSWER_IS_NO)
+
+
+def _from_recordings(
+    loaded: list[str], without: list[str], arm: str | None, frame: str | None, band_hz: float | None
+) -> dict[str, Any]:
+    from service.identification.torque_constant import calibrate as calibrate_from
+
+    if not without:
+        raise InputError("--without", "is missing", "give recordings of the same motion without the load")
+    request = TorqueConstantRequest(
+        as_paths(loaded), Path(), without=as_paths(without), arm=arm, frame=frame, band_hz=band_hz
+    )
+    with progress() as tell:
+        return calibrate_from(request, tell)

@@ -141,8 +141,7 @@ def report(
 
 
 def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableType]:
-    from service.reports.link_tables import link_report
-    from service.reports.load_tables import load_report
+    from service.reports.results import result_report
 
     record = session.record
     lines: list[RenderableType] = [
@@ -154,27 +153,8 @@ def _shown(session: Session, result: dict[str, Any] | None) -> list[RenderableTy
         lines.append(f"the last frames before the stop: {session.last_frames}")
     if (step := next_step(record)) is not None:
         lines.append(step)
-    if result is not None and record.kind == "identify-links":
-        lines += link_report(result)
-    elif result is not None and record.kind == "identify-load":
-        lines += load_report(result)
-    elif result is not None and record.kind == "practise":
-        from service.practice.answers import practice_report
-
-        lines += practice_report(result)
-    elif result is not None and record.kind == "learn-task":
-        from service.reports.task_plot import task_report
-
-        lines += task_report(result)
-    elif result is not None and record.kind == "compare-controllers":
-        from service.reports.controller_plot import controller_report
-
-        lines += controller_report(result)
-    elif result is not None:
-        lines += [
-            f"{joint}: " + ", ".join(f"{k} {v:.4g}" for k, v in error.items() if v is not None)
-            for joint, error in result["tracking_error"].items()
-        ]
+    if result is not None:
+        lines += result_report(record.kind, result)
     return lines
 
 

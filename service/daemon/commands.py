@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from config import InputError, Installation
 from service.daemon.server import Call, Command
 from service.practice.course import PracticeArguments
+from service.sessions.calibrate_torque_constant import CalibrateTorqueConstant, CalibrateTorqueConstantArguments
 from service.sessions.compare_controllers import CompareArguments, CompareControllers
 from service.sessions.conductor import Conductor
 from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm
@@ -37,6 +38,7 @@ SESSIONS: dict[str, SessionKind[Any]] = {
     "run": SessionKind(RunArguments, RunMotion),
     "identify_links": SessionKind(IdentifyLinksArguments, IdentifyLinks),
     "identify_load": SessionKind(IdentifyLoadArguments, IdentifyLoad),
+    "calibrate_torque_constant": SessionKind(CalibrateTorqueConstantArguments, CalibrateTorqueConstant),
     "diagnose": SessionKind(DiagnoseArguments, DiagnoseArm),
     "practise": SessionKind(PracticeArguments, Practise),
     "learn_task": SessionKind(LearnTaskArguments, LearnTask),

@@ -75,3 +75,8 @@ class LoadRequest:
     frame: str | None = None
     form: LoadForm = "differentiated"
     band_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class TorqueConstantRequest(LoadRequest):
+    """What is loaded, and ``without`` the load, to calibrate torque constants from; nothing is written."""

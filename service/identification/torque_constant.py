@@ -12,12 +12,12 @@ from estimator.loads import LoadOptions, identify_load
 from estimator.loads.entries import entry
 from estimator.loads.torque_constant import TorqueGain, torque_gains
 from service.identification.load_sources import LoadSources, read_load_sources, with_torques, with_wrench
-from service.identification.request import LoadRequest
+from service.identification.request import TorqueConstantRequest
 
 Tell = Callable[[str, float], None]
 
 
-def calibrate(request: LoadRequest, tell: Tell = lambda stage, share: None) -> dict[str, Any]:
+def calibrate(request: TorqueConstantRequest, tell: Tell = lambda stage, share: None) -> dict[str, Any]:
     """The answer of ``calibrate torque-constant``: the load by its wrench, then each joint's gain by the load.
 
     Raises InputError for recordings without wrench or torque, of another arm, or with too little motion.

@@ -13,7 +13,7 @@ from typing import Any
 
 from config import InputError
 from service.diagnosis.request import DiagnoseRequest
-from service.identification.request import LinksRequest, LoadRequest
+from service.identification.request import LinksRequest, LoadRequest, TorqueConstantRequest
 
 NICENESS = 10
 """Estimation must not compete with the cyclic loop for a processor."""
@@ -70,6 +70,10 @@ def _work(connection: Connection, request: Request) -> None:
 
 def _answer(request: Request, tell: Callable[[str, float], None]) -> dict[str, Any]:
     """Numerical libraries are loaded here, not in the daemon."""
+    if isinstance(request, TorqueConstantRequest):
+        from service.identification import torque_constant
+
+        return torque_constant.calibrate(request, tell)
     if isinstance(request, LoadRequest):
         from service.identification import loads
 

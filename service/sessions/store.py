@@ -27,7 +27,16 @@ from service.answers import finite
 log = logging.getLogger(__name__)
 LAST_FRAMES = "last-frames.txt"
 SessionState = Literal["running", "done", "stopped", "failed", "interrupted"]
-Kind = Literal["run", "identify-links", "identify-load", "diagnose", "practise", "learn-task", "compare-controllers"]
+Kind = Literal[
+    "run",
+    "identify-links",
+    "identify-load",
+    "calibrate-torque-constant",
+    "diagnose",
+    "practise",
+    "learn-task",
+    "compare-controllers",
+]
 
 
 class SessionRecord(BaseModel):

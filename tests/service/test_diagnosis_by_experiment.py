@@ -74,6 +74,9 @@ def test_what_one_swing_leaves_open_a_designed_motion_decides(rubbing_arm: Any, 
     named = {(f["effect"], f["joint"]) for f in answer["findings"] if f["status"] == "named"}
     assert ("viscous_friction", "joint2") in named
     assert len(answer["recordings"]) == 4
+    kept = rubbing_arm.answer("report", answer["session"])
+    assert kept["result"]["verdict"] == answer["verdict"]
+    assert Path(kept["page"]).exists()
 
 
 def test_options_of_experiments_are_refused_without_one(rubbing_arm: Any) -> None:

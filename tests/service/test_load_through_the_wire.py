@@ -37,6 +37,15 @@ damping = 0.05
 """
 
 
+WEAK_MOTOR = """
+extends = "{of}"
+
+[[motor]]
+joint = "joint1"
+gain = 0.94
+"""
+
+
 HEAD = 'format = 1\nkind = "loads"\n'
 
 
@@ -215,6 +224,27 @@ def test_a_torque_constant_needs_a_free_recording_of_its_own(identified: Identif
     refused = etude("calibrate", "torque-constant", played, "--without", played)
     assert refused.code == 2
     assert "both loaded and without the load" in refused.err
+
+
+def test_torque_constants_come_of_two_sessions(swing: str, new_house: Any, tmp_path: Path) -> None:
+    """The first without the load, the second with it, on an arm whose first motor gives less than it says."""
+    hidden = {of: tmp_path / f"weak-{of}.toml" for of in ("dda", "dda-block")}
+    for of, path in hidden.items():
+        path.write_text(WEAK_MOTOR.format(of=of))
+    asked = ("calibrate", "torque-constant", "--motion", swing)
+    with tempfile.TemporaryDirectory(prefix="etude-t") as folder:
+        house = new_house(Path(folder))
+        free = with_load(house, str(hidden["dda"]), *asked)
+        assert free["status"] == "recorded without the load"
+        without = [part for path in free["recordings"] for part in ("--without", path)]
+        answer = with_load(house, str(hidden["dda-block"]), *asked, *without)
+        kept = house.answer("report", answer["session"])
+    assert answer["status"] == "calibrated"
+    assert kept["result"]["joints"] == answer["joints"]
+    for joint, gain in (("joint1", 0.94), ("joint2", 1.0)):
+        found = answer["joints"][joint]["gain"]
+        assert found["value"] == pytest.approx(gain, abs=0.02)
+        assert 0.0 < found["standard_error"] < 0.01
 
 
 def test_a_sloshing_load_is_no_rigid_body(swing: str, new_house: Any, tmp_path: Path) -> None:
