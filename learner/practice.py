@@ -170,6 +170,13 @@ class Practice:
         """The same as it is sent, ahead of its action by the timing's advance."""
         return self.task.timing.command(self._torque)
 
+    @property
+    def best(self) -> int:
+        """Of the lessons the one with the least error, of the joint that is farthest from its repeatability; the
+        replays are lesson 0."""
+        ratios = [(lesson.velocity_error_rms / self.repeatability.velocity).max() for lesson in self.lessons]
+        return int(np.argmin(ratios))
+
     def take(self, trial: Trial, names: Sequence[str]) -> Lesson:
         """Learn from one trial of the present feedforward; ``names`` of the joints, for sentences.
 

@@ -20,7 +20,7 @@ from learner.trial import Timing, Trial
 from learner.velocity_sensor import VelocityCalibration, calibrate, from_angles
 from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
-from service.practice.record import Play, PlayKind, PracticeRecord, read_record, write_feedforward
+from service.practice.record import Play, PlayKind, PracticeRecord, read_feedforward, read_record, write_feedforward
 from service.practice.taught import Taught, effects_answer, what_was_taught
 from service.practice.trials import ActuationLag, actuation_lag, trial_of
 from service.reports.practice_plot import plot_practice
@@ -31,6 +31,7 @@ from service.sessions.store import Kind, Session, SessionStore
 Array = NDArray[np.float64]
 WORSE = 1.2
 """Times the first trial's error: more is not practice any more."""
+WORSE_THAN_FIRST = "the last trial was worse than the first"
 CHANGED_IN_A_ROW = 2
 NEAR_IN_A_ROW = 2
 
@@ -82,7 +83,11 @@ class Practise:
             stopped = _reason_to_stop(practice)
         await moving.disable()
         learnt = session.directory / "feedforward.csv"
-        write_feedforward(learnt, practice.command, self._task.reference.period, names)
+        kept = practice.command
+        if stopped == WORSE_THAN_FIRST:
+            kept = await asyncio.to_thread(self._played, practice.best, base)
+            stopped += "; kept is the feedforward of " + (f"trial {practice.best}" if practice.best else "the replays")
+        write_feedforward(learnt, kept, self._task.reference.period, names)
         plot = session.directory / "practice.png"
         await asyncio.to_thread(
             plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
@@ -98,6 +103,14 @@ class Practise:
             "feedforward": str(learnt),
             "plot": str(plot),
         }
+
+    def _played(self, lesson: int, base: Array) -> Array:
+        """The command of a lesson (`Practice.best`): ``base`` of the replays, else as its trial was sent."""
+        if lesson == 0:
+            return base
+        trials = [play for play in self._record.plays if play.kind == "trial"]
+        sent = Path(trials[lesson - 1].feedforward)
+        return read_feedforward(sent, self._installation.joint_names, len(base))
 
     def _taught(self, practice: Practice) -> Taught:
         found = self._course
@@ -166,5 +179,5 @@ def _reason_to_stop(practice: Practice) -> str | None:
     if practice.changed_in_a_row >= CHANGED_IN_A_ROW:
         return "the arm has changed: " + "; ".join(last.findings)
     if last.learnt and bool((last.velocity_error_rms > WORSE * first.velocity_error_rms).any()):
-        return "the last trial was worse than the first"
+        return WORSE_THAN_FIRST
     return None

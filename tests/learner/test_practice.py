@@ -153,6 +153,16 @@ def test_where_a_joint_lets_go_says_nothing_of_another_arm(arm: Any, planar_mode
         assert lesson.learnt is learnt
 
 
+def test_the_best_lesson_is_no_later_one_that_is_worse(arm: Any, planar_model: Any, reference: Reference) -> None:
+    task = task_of(arm, planar_model, reference)
+    practice = Practice(task, replays(arm, task))
+    assert practice.best == 0
+    practice.take(arm.play(reference, practice.command), NAMES)
+    assert practice.best == 1
+    practice.take(arm.play(reference, task.base), NAMES)
+    assert practice.best == 1
+
+
 def test_the_hand_picked_filter_plays_noise_back(arm: Any, planar_model: Any, reference: Reference) -> None:
     """Gain one over the whole band: a floor well above repeatability, where the trial filter goes below it."""
     task = task_of(arm, planar_model, reference)
