@@ -18,6 +18,7 @@ from typing import Any
 from config import InputError, Installation
 from driver.cyclic.cycle import Cycle
 from driver.cyclic.ring import RingReader
+from driver.process_name import name_process
 from driver.recording.message_records import LogRecord
 from driver.recording.run_writer import RunWriter
 
@@ -158,6 +159,7 @@ class Recorder:
 
 def record(connection: Connection, installation: Installation, ring_name: str, directory: Path) -> None:
     """Body of the recorder's process: serves commands on ``connection`` until its other end closes, or SIGTERM."""
+    name_process("etude-recorder")
     ending = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ending.set())
     # A Ctrl-C at the terminal is for the daemon, which closes the connection in order.

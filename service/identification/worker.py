@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config import InputError
+from driver.process_name import name_process
 from service.diagnosis.request import DiagnoseRequest
 from service.identification.request import LinksRequest, LoadRequest, TorqueConstantRequest
 
@@ -56,6 +57,7 @@ async def in_worker(request: Request, tell: Callable[[str, float], None]) -> dic
 
 
 def _work(connection: Connection, request: Request) -> None:
+    name_process("etude-estimator")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
     try:

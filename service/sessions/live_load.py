@@ -14,6 +14,7 @@ import numpy as np
 from config import Installation
 from driver.cyclic.cycle import Cycle, LoopState, WrenchSample
 from driver.cyclic.ring import RingReader
+from driver.process_name import name_process
 
 NICENESS = 10
 FEED_HZ = 250.0
@@ -67,6 +68,7 @@ class LiveLoadProcess:
 
 
 def _follow(connection: Connection, installation: Installation, ring_name: str) -> None:
+    name_process("etude-live-load")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
     # Numerical libraries are loaded here, not in the daemon.

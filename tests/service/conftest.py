@@ -85,8 +85,12 @@ class House:
         return found
 
     def process(self, words: bytes) -> int:
-        """The one process with these words in its command line."""
-        found = [pid for pid in self.processes() if words in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        """The one process with these words in its command line, or of this name."""
+        found = [
+            pid
+            for pid in self.processes()
+            if any(words in Path(f"/proc/{pid}/{told}").read_bytes() for told in ("cmdline", "comm"))
+        ]
         assert len(found) == 1, (words, found)
         return found[0]
 

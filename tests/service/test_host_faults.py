@@ -29,8 +29,7 @@ duration_s = [1.6, 1.6]
 SESSIONS = 8
 MOST_GROWN_KB = 1000
 """By one session, by the median of the later ones: a leak grows each time, an allocator's new arena once."""
-RECORDER = b"spawn_main"
-"""In the command line of the recorder, which multiprocessing starts."""
+RECORDER = b"etude-recorder"
 
 
 @pytest.fixture(scope="module")
