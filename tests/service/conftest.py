@@ -56,7 +56,7 @@ class House:
     def etude(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """A command, waited for."""
         process = self.popen(*arguments)
-        out, err = process.communicate(timeout=110)
+        out, err = process.communicate(timeout=280)
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
     def answer(self, *arguments: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pytest
 
 from driver.recording import read_recording
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(600)
 
 
 def test_a_daemon_asked_to_end_stops_the_arm_and_closes_its_files(house: Any, start: Any, playing: Any) -> None:

@@ -19,7 +19,7 @@ from driver.recording import read_recording, recover
 from driver.recording import replay as replay_file
 from service.daemon.client import DaemonClient
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(600)
 
 MOTION = """
 kind = "polynomial"

@@ -22,7 +22,7 @@ from service.practice.inverse_models import load_inverse_model
 from service.practice.task_file import load_task
 from service.reports import pages
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(600)
 HIT = """
 kind = "hit"
 start_rad = [1.5, 3.5, 2.0]

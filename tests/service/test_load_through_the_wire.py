@@ -16,7 +16,7 @@ import pytest
 from service.cli.entry import run
 from service.supervision import SupervisedProcess
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = pytest.mark.timeout(600)
 
 MASS, CENTRE = 1.106, np.array([0.001, 0.0, 0.047])
 READY_S = 90.0

@@ -25,7 +25,7 @@ from service.practice.trials import actuation_lag, trial_of
 from service.reports import pages
 
 Array = NDArray[np.float64]
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(600)
 SHORT = """
 kind = "polynomial"
 way_points_rad = [[3.58, 2.69, 1.75], [3.0, 2.2, 1.2]]
@@ -248,7 +248,7 @@ def test_controllers_are_compared_through_the_arm(running_house: Any, tmp_path: 
     target = tmp_path / "answer.json"
     # Eleven motions on a busy machine take longer than a command is waited for.
     client = running_house.popen("compare-controllers", str(path), "--json", str(target))
-    _, told = client.communicate(timeout=280)
+    _, told = client.communicate(timeout=580)
     assert client.returncode == outcomes.DONE, told
     answer = json.loads(target.read_text())
     rows = {(r["family"], r["controller"], r["rate_hz"]): r for r in answer["controllers"]}

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(600)
 SHORT = """
 kind = "polynomial"
 way_points_rad = [[3.58, 2.69, 1.75], [3.0, 2.2, 0.6]]

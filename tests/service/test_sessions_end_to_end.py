@@ -17,7 +17,7 @@ from config import InputError, load_installation
 from driver.recording import read_recording
 from service.daemon.client import DaemonClient
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(600)
 
 SLOW = """
 kind = "polynomial"

@@ -25,7 +25,7 @@ from service.sessions.conductor import Conductor
 from service.sessions.standing_recorder import RecorderReport
 from service.sessions.store import SessionStore
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = pytest.mark.timeout(600)
 DDA = load_installation("dda")
 MUTATIONS = 20_000 if os.environ.get("ETUDE_FAULTS") == "full" else 800
 COMMANDS = ("run", "identify_links", "identify_load", "practise", "compare_controllers", "status", "follow")
