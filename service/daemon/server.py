@@ -109,9 +109,9 @@ class Server:
         free = asyncio.Semaphore(REQUESTS_AT_ONCE)
         open_calls: set[asyncio.Task[None]] = set()
 
-        async def send(message: dict[str, Any]) -> None:
+        async def send(line: bytes) -> None:
             async with sending:
-                writer.write(encode(message))
+                writer.write(line)
                 await writer.drain()
 
         async def answer(request: Request) -> None:
@@ -127,7 +127,7 @@ class Server:
                 try:
                     request = read_request(line)
                 except MalformedRequest as error:
-                    await send({"id": error.request_id, "error": {"kind": "input", "message": str(error)}})
+                    await send(encode({"id": error.request_id, "error": {"kind": "input", "message": str(error)}}))
                     continue
                 await free.acquire()
                 task = asyncio.create_task(answer(request))
@@ -137,7 +137,7 @@ class Server:
             # The rest of an over-long line cannot be told from the next request, so the conversation ends here.
             with contextlib.suppress(ConnectionError):
                 message = f"the request is longer than {LINE_LIMIT} bytes"
-                await send({"id": None, "error": {"kind": "input", "message": message}})
+                await send(encode({"id": None, "error": {"kind": "input", "message": message}}))
         except ConnectionError:
             pass
         finally:
@@ -149,10 +149,10 @@ class Server:
             writer.close()
 
     async def _serve(
-        self, request: Request, peer: Peer, looks_only: bool, send: Callable[[dict[str, Any]], Awaitable[None]]
-    ) -> dict[str, Any]:
+        self, request: Request, peer: Peer, looks_only: bool, send: Callable[[bytes], Awaitable[None]]
+    ) -> bytes:
         async def progress(news: dict[str, Any]) -> None:
-            await send({"id": request.id, "progress": news})
+            await send(encode({"id": request.id, "progress": news}))
 
         try:
             command = self._commands.get(request.command)
@@ -163,14 +163,15 @@ class Server:
             if looks_only and not command.looks_only:
                 raise PermissionError(f"user {peer.uid} may look but not {request.command}: join the group {GROUP}")
             answer = await command.handler(Call(request.arguments, peer, progress))
-            return {"id": request.id, "answer": finite(answer)}
+            # Encoded here, so that an answer that JSON cannot say is told to the client as the defect it is.
+            return encode({"id": request.id, "answer": finite(answer)})
         except ConnectionError:
             raise
         except Exception as error:
             report = error_of(error)
             if report["kind"] == "defect":
                 log.exception("serving %s failed", request.command)
-            return {"id": request.id, "error": report}
+            return encode({"id": request.id, "error": report})
 
 
 async def _turn_away(writer: asyncio.StreamWriter) -> None:

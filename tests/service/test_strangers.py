@@ -57,6 +57,7 @@ class StillArm:
         )  # fmt: skip
         self.loop = SimpleNamespace(alive=True, status=lambda: status, reset=lambda: self.asked.append("reset"))
         self.recorder = SimpleNamespace(report=lambda: RecorderReport("ready", 1, None, 0, None))
+        self.load_now: dict[str, Any] | None = None
 
     def __getattr__(self, name: str) -> Any:
         async def moved(*_: Any) -> None:
@@ -252,5 +253,20 @@ def test_permissions_of_the_sockets(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         assert stat.S_IMODE(control.stat().st_mode) == 0o660
         assert stat.S_IMODE(look.stat().st_mode) == 0o666
         assert owners == [("a.sock", -1, 4711)]
+
+    on_daemon(tmp_path, story)
+
+
+def test_an_answer_that_json_cannot_say_is_told_as_a_defect_and_the_conversation_goes_on(tmp_path: Path) -> None:
+    async def story(arm: StillArm, control: Path, look: Path) -> None:
+        arm.load_now = {"mass": object()}
+        reader, writer = await asyncio.open_unix_connection(str(look))
+        for number in (1, 2):
+            writer.write(b'{"id": %d, "command": "status"}\n' % number)
+            answer = json.loads(await asyncio.wait_for(reader.readline(), 30))
+            assert answer["id"] == number
+            assert answer["error"]["kind"] == "defect"
+            assert "JSON" in answer["error"]["message"]
+        writer.close()
 
     on_daemon(tmp_path, story)
