@@ -2,6 +2,8 @@
 
 Where an author published a value the figure is the diagnosis' value beside it; ``0`` stands for a cause that is
 published and not named. Data sets that are not in ../shared/data are left out.
+
+Draws ``docs/pictures/causes.png``, where both of its data sets are there.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import sys
 
 from benchmarks.figure import Figure
 from benchmarks.measured import is_here
+from benchmarks.measured.causes_picture import draw
 from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
@@ -55,6 +58,8 @@ def measure() -> list[Figure]:
             figures += of_set()
         else:
             print(f"{folder} is not in ../shared/data: left out", file=sys.stderr)
+    if is_here("emps") and is_here("odrive_cogging"):
+        draw([("EMPS drive (slide)", emps_diagnosed()), ("ODrive motor", odrive_diagnosed())])
     return figures
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -25,11 +26,13 @@ def diagnosed(arm: MeasuredArm, recordings: Sequence[str], judging: Sequence[str
     return diagnose(arm.body, [arm.recordings[k] for k in recordings], [arm.recordings[k] for k in judging])
 
 
+@cache
 def emps_diagnosed() -> Diagnosis:
     """Learnt from the motion with force pulses, judged on the one without."""
     return diagnosed(emps(), ["emps_pulses"], ["emps"])
 
 
+@cache
 def odrive_diagnosed() -> Diagnosis:
     return diagnosed(odrive(), [SLOW_SWEEP])
 
