@@ -91,4 +91,4 @@ def _operator(name: OperatorName, practised: Practised, model: ArmTorques, kinem
         return ProportionalOperator(practised.loop)
     if name == "decoupled":
         return ModelOperator(DecoupledModel(mean_inertia(model.momentary, practised.reference.q)), kinematics, name)
-    return ModelOperator(model, kinematics, momentary=model.momentary)
+    return ModelOperator(model.sliding, kinematics, momentary=model.momentary)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from config import Installation
 from config.errors import InputError
-from estimator.arm_model import ArmModel
+from estimator.arm_model import ArmModel, FittedEffect
 from estimator.regressor import inverse_dynamics
 from service.identification.arm_source import of_installation
 from service.models.model_file import arm_model
@@ -18,6 +19,16 @@ from service.models.store import named_model
 Array = NDArray[np.float64]
 MOMENTARY = ("viscous_friction", "rotor_inertia", "joint_spring")
 """Effects that a linearisation at separate instants may ask: others look at the samples before and after."""
+DRY_FRICTION = (
+    "coulomb_friction",
+    "asymmetric_friction",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "presliding",
+    "friction_drift",
+    "transmission_coupling",
+)
+"""Effects whose torque turns over with the sign of a speed, and is anything within its level at none."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +55,15 @@ class ArmTorques:
     @property
     def momentary(self) -> ArmTorques:
         """The model without what remembers or needs the samples before: for the arm linearised at single instants."""
-        kept = tuple(one for one in self.model.effects if one.name in MOMENTARY)
-        return replace(self, model=replace(self.model, effects=kept))
+        return self._with([one for one in self.model.effects if one.name in MOMENTARY])
+
+    @property
+    def sliding(self) -> ArmTorques:
+        """The model without dry friction: of trial and reference alike, by which a command's error is told."""
+        return self._with([one for one in self.model.effects if one.name not in DRY_FRICTION])
+
+    def _with(self, effects: Sequence[FittedEffect]) -> ArmTorques:
+        return replace(self, model=replace(self.model, effects=tuple(effects)))
 
 
 def load_inverse_model(name: str | None, installation: Installation) -> ArmTorques:
