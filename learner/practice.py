@@ -20,8 +20,9 @@ from learner.kinematics import Kinematics
 from learner.linearisation import LinearArm, linearise
 from learner.operators import LearningOperator
 from learner.repeatability import Repeatability, repeatability
+from learner.sections import Sections
 from learner.trial import Reference, Timing, Trial
-from learner.trial_filter import Surprise, TrialFilter, noise_of
+from learner.trial_filter import Surprise, TrialFilter, mean_power, scatter_of
 
 Array = NDArray[np.float64]
 DISAGREEMENT = 1.5
@@ -125,25 +126,35 @@ def prepare(
 class Practice:
     """Learns from the replays, then from one trial after another.
 
-    ``hand_picked_hz``: the low-pass of the thesis' own update (8 Hz there) in place of the trial filter.
+    ``hand_picked_hz``: the low-pass of the thesis' own update (8 Hz there) in place of the trial filter. ``as_read``:
+    the wanted motion as the arm's encoders would tell it, see `learner.velocity_sensor.as_read`.
     Raises InputError when there are too few replays, or one is cut short.
     """
 
-    def __init__(self, task: Task, replays: Sequence[Trial], hand_picked_hz: float | None = None) -> None:
+    def __init__(
+        self,
+        task: Task,
+        replays: Sequence[Trial],
+        hand_picked_hz: float | None = None,
+        as_read: Sequence[Trial] = (),
+    ) -> None:
         self.task = task
         reference = task.reference
-        self.repeatability: Repeatability = repeatability(replays, reference)
+        self.repeatability: Repeatability = repeatability(replays, reference, as_read)
         self._frequency = frequencies(reference.samples, reference.period)
         measured = np.array([self._needed(trial) for trial in replays])
-        noise = noise_of(measured)
+        counted = [task.operator.command_error(trial, reference) for trial in as_read]
+        sections = Sections(reference.samples, reference.period)
+        scatter = scatter_of(measured, sections)
+        counting = mean_power(counted, sections) if counted else np.zeros_like(scatter)
         band = task.certificate.band_hz
         self.update: Update
         if hand_picked_hz is None:
-            self.update = TrialFilter(self._frequency, noise, band)
+            self.update = TrialFilter(sections, scatter, band, counting)
             first, repeats = measured.mean(axis=0), len(replays)
         else:
             # One trial is all that this update ever looks at.
-            self.update = GainOne(self._frequency, noise, min(hand_picked_hz, band))
+            self.update = GainOne(self._frequency, sections.whole(scatter + counting), min(hand_picked_hz, band))
             first, repeats = measured[-1], 1
         self._telling = _moving_weight(reference)
         self._in_motion = _speed_weight(reference)

@@ -19,6 +19,8 @@ from learner.trial import Reference, Trial
 Array = NDArray[np.float64]
 FALSE_ALARM = 1e-3
 """Probability that a gain or offset is believed where there is none."""
+PHASES = 8
+"""Places within a count from which a motion is read: any of them is as likely."""
 
 
 def from_angles(trial: Trial, reference: Reference, joints: NDArray[np.bool_], band_hz: float) -> Trial:
@@ -32,6 +34,20 @@ def from_angles(trial: Trial, reference: Reference, joints: NDArray[np.bool_], b
     passed = low_pass(frequencies(reference.samples, reference.period), band_hz)[:, None]
     error = to_history(passed * to_lines(trial.q - reference.q))
     return replace(trial, dq=np.where(joints, reference.dq + np.gradient(error, reference.period, axis=0), trial.dq))
+
+
+def as_read(reference: Reference, count_rad: Array, joints: NDArray[np.bool_], band_hz: float) -> list[Trial]:
+    """The wanted motion itself, as encoders of ``count_rad`` (n,) would tell it at ``joints``: see `from_angles`.
+
+    Replays of one command read the same counts at the same places, so that their scatter does not show the error of
+    counting; a better command reads others.
+    """
+    trials = []
+    for phase in np.arange(PHASES) / PHASES:
+        counted = count_rad * (np.round(reference.q / count_rad + phase) - phase)
+        q = np.where(joints, counted, reference.q)
+        trials.append(from_angles(Trial(q, reference.dq, np.zeros_like(q)), reference, joints, band_hz))
+    return trials
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ def practice_answer(
         "operator": found.operator.name,
         "replays": practice.repeatability.replays,
         "repeatability": by_joint(practice.repeatability.velocity),
+        "counting": by_joint(practice.repeatability.counting),
         "indistinguishable_below": by_joint(practice.repeatability.bound),
         "actuation_lag_cycles": by_joint(lag.cycles),
         "unexplained_torque_rms": by_joint(lag.residual),

@@ -50,6 +50,11 @@ class Practised:
         return np.array([any("velocity" in pdo for pdo in layout.tpdo) for layout in layouts])
 
     @property
+    def count_rad(self) -> Array:
+        """(n,) rad that a count of each joint's encoder is."""
+        return np.array([2.0 * np.pi / joint.encoder.counts_per_turn for joint in self.installation.joint])
+
+    @property
     def command_delay(self) -> int:
         """Cycles from a reference's sample to the cycle in which the drive has reached it (nominal)."""
         return command_delay(self.mode)
