@@ -2,7 +2,8 @@
 
 The correction that the arm needs is the same in every trial; what is measured of it has noise whose spectrum the
 replays have shown. One Kalman filter a line of each section's cosine spectrum weighs the two. An operator of gain one
-plays each trial's noise back into the next, and cannot come below √2 times the repeatability; this one comes down to it.
+plays each trial's noise back into the next, and cannot come below √2 times the repeatability; this one comes down to
+it.
 """
 
 from __future__ import annotations

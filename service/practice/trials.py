@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from config.schema import Mode
 from driver.recording import Recording
 from learner.cosine_spectrum import frequencies, low_pass, to_lines
 from learner.feedback_loop import FeedbackLoop
-from learner.trial import Reference, Trial
+from learner.trial import Reference, Timing, Trial
 from service.practice.planning import command_delay
 
 Array = NDArray[np.float64]
@@ -73,6 +73,31 @@ def trial_of(recording: Recording, reference: Reference, delay: int, name: str) 
     trial = Trial(*(_bridged(channel[rows]) for channel in (recording.q, recording.dq, recording.tau)))
     trial.check(reference, name)
     return trial
+
+
+def as_demanded(
+    trial: Trial,
+    recording: Recording,
+    reference: Reference,
+    loop: FeedbackLoop,
+    mode: Mode,
+    cycles: Array,
+    joints: NDArray[np.bool_],
+) -> Trial:
+    """The trial with the torque that was demanded of ``joints`` (n,), ``cycles`` (n,) later, when it acts, in place of
+    the measured one.
+
+    For drives that measure no velocity: their damping acts on differences of counts, tick by tick. That chatter moves
+    nothing, but samples of the torque show it as if it were slow, the same in all replays of one command and another
+    in each trial. What was sent, and the servo's law on the angles' errors, is free of it.
+    """
+    assert recording.tau_command is not None
+    start = begin_of(recording, reference, str(recording.path))
+    demand = _bridged(recording.tau_command[start : start + reference.samples])
+    if mode == "csp":
+        demand = demand + loop.stiffness * (reference.q - trial.q) + loop.damping * (reference.dq - trial.dq)
+    later = Timing(held=True, advance=-cycles).command(demand)
+    return replace(trial, tau=np.where(joints, later, trial.tau))
 
 
 def _bridged(channel: Array) -> Array:

@@ -22,7 +22,7 @@ from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
 from service.practice.record import Play, PlayKind, PracticeRecord, read_feedforward, read_record, write_feedforward
 from service.practice.taught import Taught, effects_answer, what_was_taught
-from service.practice.trials import ActuationLag, actuation_lag, trial_of
+from service.practice.trials import ActuationLag, actuation_lag, as_demanded, trial_of
 from service.reports.practice_plot import plot_practice
 from service.sessions.moving import MovingArm
 from service.sessions.procedure import Tell, within
@@ -155,18 +155,27 @@ class Practise:
         recordings = [read_recording(path) for path in self._record.of("replay")]
         raw = [self._raw(recording) for recording in recordings]
         lag = actuation_lag(recordings, loop, reference, self._asked.mode)
+        self._lag = lag.cycles
         timing = Timing(self._task.timing.held, lag.cycles)
         # The shift of the replays' own feedforward is part of what they lacked.
         self._task = replace(self._task, timing=timing)
         calibration = calibrate(raw, reference)
         practised, band = self._course.practised, self._task.certificate.band_hz
         counted = as_read(reference, practised.count_rad, ~practised.velocity_measured, band)
-        trials = [calibration.apply(t) for t in raw]
+        trials = [self._acting(*pair, calibration) for pair in zip(recordings, raw, strict=True)]
         practice = Practice(self._task, trials, self._asked.hand_picked_hz, counted)
         return practice, calibration, lag
 
     def _trial(self, path: Path, calibration: VelocityCalibration) -> Trial:
-        return calibration.apply(self._raw(read_recording(path)))
+        recording = read_recording(path)
+        return self._acting(recording, self._raw(recording), calibration)
+
+    def _acting(self, recording: Recording, raw: Trial, calibration: VelocityCalibration) -> Trial:
+        """The trial as it is learnt from."""
+        practised, mode = self._course.practised, self._asked.mode
+        joints = ~practised.velocity_measured
+        trial = calibration.apply(raw)
+        return as_demanded(trial, recording, practised.reference, practised.loop, mode, self._lag, joints)
 
     def _raw(self, recording: Recording) -> Trial:
         trial = trial_of(recording, self._task.reference, self._delay, str(recording.path))
