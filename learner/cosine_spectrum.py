@@ -35,6 +35,6 @@ def low_pass(frequency: Array, band_hz: float) -> Array:
     return np.asarray(0.5 * (1.0 + np.cos(np.pi * share)))
 
 
-def smoothed_power(power: Array, neighbours: float = NEIGHBOURS) -> Array:
-    """A spectrum averaged over ``neighbours`` lines (the last axis but one)."""
-    return np.asarray(gaussian_filter1d(power, neighbours, axis=-2, mode="nearest"))
+def smoothed_power(power: Array) -> Array:
+    """A spectrum averaged over neighbouring lines (first axis)."""
+    return np.asarray(gaussian_filter1d(power, NEIGHBOURS, axis=0, mode="nearest"))

@@ -13,16 +13,15 @@ from config import InputError
 from learner.certificate import Certificate, spread_moving
 from learner.changes import Change, ChangeWatch
 from learner.constrained import TorqueLimits, constrained
-from learner.cosine_spectrum import frequencies, low_pass, to_history, to_lines
+from learner.cosine_spectrum import frequencies, low_pass, smoothed_power, to_history, to_lines
 from learner.feedback_loop import FeedbackLoop
 from learner.inverse_model import InverseModel
 from learner.kinematics import Kinematics
 from learner.linearisation import LinearArm, linearise
 from learner.operators import LearningOperator
 from learner.repeatability import Repeatability, repeatability
-from learner.sections import Sections
 from learner.trial import Reference, Timing, Trial
-from learner.trial_filter import Surprise, TrialFilter, mean_power, scatter_of
+from learner.trial_filter import Surprise, TrialFilter, noise_of
 
 Array = NDArray[np.float64]
 DISAGREEMENT = 1.5
@@ -143,18 +142,18 @@ class Practice:
         self.repeatability: Repeatability = repeatability(replays, reference, as_read)
         self._frequency = frequencies(reference.samples, reference.period)
         measured = np.array([self._needed(trial) for trial in replays])
-        counted = [task.operator.command_error(trial, reference) for trial in as_read]
-        sections = Sections(reference.samples, reference.period)
-        scatter = scatter_of(measured, sections)
-        counting = mean_power(counted, sections) if counted else np.zeros_like(scatter)
+        scatter, counting = noise_of(measured), np.zeros_like(task.base)
+        if as_read:
+            counted = [to_lines(task.operator.command_error(trial, reference)) ** 2 for trial in as_read]
+            counting = smoothed_power(np.mean(counted, axis=0))
         band = task.certificate.band_hz
         self.update: Update
         if hand_picked_hz is None:
-            self.update = TrialFilter(sections, scatter, band, counting)
+            self.update = TrialFilter(self._frequency, scatter, band, counting)
             first, repeats = measured.mean(axis=0), len(replays)
         else:
             # One trial is all that this update ever looks at.
-            self.update = GainOne(self._frequency, sections.whole(scatter + counting), min(hand_picked_hz, band))
+            self.update = GainOne(self._frequency, scatter + counting, min(hand_picked_hz, band))
             first, repeats = measured[-1], 1
         self._telling = _moving_weight(reference)
         self._in_motion = _speed_weight(reference)

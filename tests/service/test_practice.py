@@ -21,7 +21,7 @@ from service.practice.controllers import variants
 from service.practice.inverse_models import load_inverse_model
 from service.practice.planning import practised_motion
 from service.practice.record import read_feedforward, write_feedforward
-from service.practice.trials import actuation_lag, trial_of
+from service.practice.trials import actuation_lag, as_demanded, trial_of
 from service.reports import pages
 
 Array = NDArray[np.float64]
@@ -159,6 +159,13 @@ def test_trials_are_found_and_lags_identified() -> None:
     assert commanded is not None
     lag = actuation_lag([recording], practised.loop, reference, "csp")
     np.testing.assert_allclose(lag.cycles, 3.0, atol=0.13)
+    only_first = np.array([True, False, False])
+    assert recording.tau is not None
+    chatter = replace(recording, tau=recording.tau + np.random.default_rng(2).normal(size=recording.q.shape))
+    seen = trial_of(chatter, reference, practised.command_delay, "run")
+    demanded = as_demanded(seen, chatter, reference, practised.loop, "csp", np.full(3, 3.0), only_first)
+    np.testing.assert_allclose(demanded.tau[3:, 0], trial.tau[3:, 0], atol=1e-9)
+    np.testing.assert_array_equal(demanded.tau[:, 1:], seen.tau[:, 1:])
     with pytest.raises(InputError, match="does not hold the whole motion"):
         trial_of(replace(recording, q_d=commanded[:1500]), reference, 2, "run")
 
