@@ -183,8 +183,8 @@ class WrenchSensor(Section):
 class VirtualHardware(Section):
     """The stand-in arm that may take this installation's place."""
 
-    hidden: str
-    """Mechanics that nothing but the stand-in reads."""
+    hidden: str | None = None
+    """Mechanics that nothing but the stand-in reads; none: it is as the URDF says."""
 
 
 class Installation(Section):

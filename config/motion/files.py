@@ -233,9 +233,14 @@ def load_motion(name_or_path: str, installation: Installation) -> Motion:
     return Motion(path.stem, file.description, names, file.curve(joints, path.parent))
 
 
+def folder_beside(installation: Installation) -> Path:
+    """Where an installation keeps motions of its own."""
+    return installation.path.parent / "motions"
+
+
 def known_motions(installation: Installation) -> tuple[str, ...]:
     """Names of the motions beside the installation file, and of those that come with Étude for this arm."""
-    beside = {p.stem for p in (installation.path.parent / "motions").glob("*.toml")}
+    beside = {p.stem for p in folder_beside(installation).glob("*.toml")}
     shipped = {p.stem for p in SHIPPED.glob("*.toml") if read_toml(p).get("arm") == installation.arm.name}
     return tuple(sorted(beside | shipped))
 
@@ -246,11 +251,13 @@ def _path(name_or_path: str, installation: Installation) -> Path:
             return Path(name_or_path).expanduser().absolute()
         except RuntimeError:
             raise InputError(f"motion {name_or_path!r}", "there is no such user", "give the whole path") from None
-    folders = (installation.path.parent / "motions", SHIPPED) if NAME.fullmatch(name_or_path) else ()
+    folders = (folder_beside(installation), SHIPPED) if NAME.fullmatch(name_or_path) else ()
     for folder in folders:
         if (path := folder / f"{name_or_path}.toml").exists():
             return path
     known = known_motions(installation)
     raise InputError(
-        f"motion {name_or_path!r}", f"there is no such motion for {installation.arm.name}", nearest(name_or_path, known)
+        f"motion {name_or_path!r}",
+        f"there is no such motion for {installation.arm.name}",
+        nearest(name_or_path, known) if known else f"write it as {folder_beside(installation)}/NAME.toml",
     )

@@ -11,17 +11,16 @@ from rich.text import Text
 
 from service import outcomes
 from service.cli.console import publish
-from service.cli.options import ArmOption, JsonOption, arm_to_start
+from service.cli.options import ArmOption, JsonOption, installation_of
 
 COLOURS = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
 
 def check(arm: ArmOption = None, json: JsonOption = None) -> None:
     """Is this installation sound? Looks at everything that can be seen without moving the arm."""
-    from config import load_installation
     from service.checks import run_checks
 
-    installation = load_installation(arm_to_start(arm))
+    installation = installation_of(arm)
     findings = list(run_checks(installation))
     counts = Counter(f.verdict for f in findings)
     table = Table("area", "subject", "", "finding", "remedy", box=None)

@@ -21,7 +21,7 @@ from service.cli.options import (
     MotionsOption,
     OutOption,
     TopicOption,
-    arm_to_ask,
+    installation_of,
     new_directory,
     refuse,
 )
@@ -93,10 +93,9 @@ def links(
 
 def _designed(arm: str | None) -> str:
     """The file of a motion designed for the arm whose daemon is asked."""
-    from config import load_installation
     from service.identification.designed_motion import design_motion
 
-    installation = load_installation(arm if arm is not None else arm_to_ask(arm))
+    installation = installation_of(arm)
     directory = new_directory("design")
     directory.mkdir(parents=True)
     say(f"designing a motion for {installation.arm.name} …")

@@ -6,12 +6,17 @@ import os
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from config import InputError
 from config.paths import run_directory
+from service.daemon.client import DaemonClient
+from service.outcomes import NoDaemon
+
+if TYPE_CHECKING:
+    from config import Installation
 
 DEFAULT_ARM = "dda"
 
@@ -59,8 +64,25 @@ def refuse(options: Iterable[tuple[str, object]], problem: str, remedy: str) -> 
 
 
 def arm_to_start(arm: str | None) -> str:
-    """The installation that `up` and `check` mean: a name or a file."""
+    """The installation that `up` means: a name or a file."""
     return arm or os.environ.get("ETUDE_ARM") or DEFAULT_ARM
+
+
+def installation_of(arm: str | None) -> Installation:
+    """The installation as given, else of $ETUDE_ARM, else of the only daemon that runs, else the first arm's.
+
+    Raises InputError when several daemons run and none was named.
+    """
+    from config import load_installation
+
+    named = arm or os.environ.get("ETUDE_ARM")
+    if not named and (running := arm_to_ask(None)) in running_arms():
+        try:
+            with DaemonClient(run_directory(), running, looks_only=True) as daemon:
+                named = str(daemon.call("status")["installation"])
+        except NoDaemon:  # it was killed, and its socket is all that is left of it
+            named = running
+    return load_installation(named or DEFAULT_ARM)
 
 
 def arm_to_ask(arm: str | None) -> str:
@@ -71,10 +93,15 @@ def arm_to_ask(arm: str | None) -> str:
     named = arm or os.environ.get("ETUDE_ARM")
     if named:
         return named if not _is_file(named) else _name_in(named)
-    running = sorted(path.stem for path in run_directory().glob("*.sock") if not path.stem.endswith("-look"))
+    running = running_arms()
     if len(running) > 1:
         raise InputError("--arm", f"daemons run for {', '.join(running)}", "say which one you mean")
     return running[0] if running else DEFAULT_ARM
+
+
+def running_arms() -> list[str]:
+    """Names of the arms whose daemons have a socket here."""
+    return sorted(path.stem for path in run_directory().glob("*.sock") if not path.stem.endswith("-look"))
 
 
 def _is_file(arm: str) -> bool:

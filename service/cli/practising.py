@@ -11,7 +11,7 @@ from config.errors import InputError
 from service import outcomes
 from service.cli.asking import ModeOption, conduct, model_reference, motion_reference
 from service.cli.console import publish
-from service.cli.options import ArmOption, AttachedOption, JsonOption, arm_to_start, refuse
+from service.cli.options import ArmOption, AttachedOption, JsonOption, installation_of, refuse
 
 MotionArgument = Annotated[str, typer.Argument(metavar="MOTION", help="A motion's name, or its file.")]
 ModelOption = Annotated[
@@ -38,12 +38,11 @@ def certify(
     json: JsonOption = None,
 ) -> None:
     """Would practising this motion help? Looks at the model alone; nothing moves."""
-    from config import load_installation
     from service.practice.answers import certificate_answer, certificate_report
     from service.practice.course import PracticeArguments, course
 
     asked = PracticeArguments(motion=motion, model=model, operator=operator, mode=mode, band_hz=band_hz)
-    found = course(asked, load_installation(arm_to_start(arm)))
+    found = course(asked, installation_of(arm))
     answer = certificate_answer(found)
     publish(answer, json, *certificate_report(answer))
     if not found.certificate.admitted:
@@ -141,12 +140,12 @@ def retime(
     json: JsonOption = None,
 ) -> None:
     """The same path as fast as the arm can: by the model, within the torque that tracking leaves free."""
-    from config import InputError, load_installation
+    from config import InputError
     from service.practice.retimed import retimed_motion
 
     if out.suffix != ".toml":
         raise InputError("--out", f"{out} is no motion file", "name it something.toml")
-    installation = load_installation(arm_to_start(arm))
+    installation = installation_of(arm)
     answer = retimed_motion(motion, model, (angle_error, speed_error), installation, out.absolute())
     shares = answer["largest_share_of_torque_limit"]
     publish(

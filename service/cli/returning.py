@@ -6,16 +6,15 @@ from dataclasses import asdict
 
 from config.paths import run_directory
 from service.cli.console import progress, publish, say
-from service.cli.options import ArmOption, JsonOption, arm_to_start
+from service.cli.options import ArmOption, JsonOption, installation_of
 
 
 def return_inside(arm: ArmOption = None, json: JsonOption = None) -> None:
     """Move joints that stand outside their limits slowly back inside. The daemon must not be running."""
-    from config import load_installation
     from service.daemon.lock import ArmLock
     from service.return_inside import bring_inside, in_lockstep, outside, where_it_stands
 
-    installation = load_installation(arm_to_start(arm))
+    installation = installation_of(arm)
     lock = ArmLock(run_directory(), installation.arm.name)
     try:
         lockstep = in_lockstep(installation)

@@ -96,7 +96,7 @@ ONE_EACH = {
 
 
 def load_hidden(installation: Installation, source: Path | str | None = None) -> HiddenMechanics:
-    """The hidden mechanics of ``installation``, or those of ``source``.
+    """The hidden mechanics of ``installation`` (nothing, where it names none), or those of ``source``.
 
     A bare name is a file of this package (``dda`` is ``virtual_hw/hidden/dda.toml``); a path is relative to the
     installation file. Raises InputError for an unknown file, key, joint, link or sensor.
@@ -105,9 +105,11 @@ def load_hidden(installation: Installation, source: Path | str | None = None) ->
         if installation.virtual is None:
             raise InputError(
                 str(installation.path), "has no [virtual] section, so there is no stand-in for this arm",
-                "add [virtual] with hidden = the name of its mechanics",
+                "add a section [virtual]; its key hidden may name mechanics that the URDF does not tell",
             )  # fmt: skip
         source = installation.virtual.hidden
+        if source is None:
+            return HiddenMechanics()
     path = _path(str(source), installation.path.parent)
     hidden = validate(HiddenMechanics, _read(path), path)
     _check_names(hidden, installation, path)
