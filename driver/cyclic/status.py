@@ -35,13 +35,15 @@ class BusStatus:
 
 @dataclass(frozen=True)
 class SensorStatus:
-    """One wrench sensor: valid samples, rejected bytes or frames, age of the newest valid sample (None before one)."""
+    """One wrench sensor: valid samples, rejected bytes or frames, age of the newest valid sample (None before one), and
+    in words how it is."""
 
     name: str
     samples: int
     rejected: int
     age_ms: float | None
     stale: bool
+    condition: str
 
 
 @dataclass(frozen=True)

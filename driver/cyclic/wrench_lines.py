@@ -90,13 +90,15 @@ class WrenchLines:
         for line in self._lines:
             parser, age = line.parser, line.parser.age_ns(self.now_ns)
             rejected = parser.rejected_bytes + parser.refused
+            stale = line.lost or parser.stale(self.now_ns)
             found.append(
                 SensorStatus(
                     line.port.sensor.name,
                     parser.samples,
                     rejected,
                     None if age is None else age / 1e6,
-                    line.lost or parser.stale(self.now_ns),
+                    stale,
+                    "its line is gone" if line.lost else _condition(parser, stale=stale),
                 )
             )
         return tuple(found)

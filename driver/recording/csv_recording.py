@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -161,20 +162,33 @@ def _line_of_row(path: Path, row: int) -> int:
     raise IndexError(row)
 
 
-def write_csv(recording: Recording, path: Path) -> int:
-    """Write a recording in this format; returns how many samples were left out because something in them is missing.
+class LeftOut(NamedTuple):
+    """What of a recording a CSV file cannot hold: ``samples`` in which something is missing, and ``quantities`` that
+    are missing in all of them."""
+
+    samples: int
+    quantities: tuple[str, ...]
+
+
+def write_csv(recording: Recording, path: Path) -> LeftOut:
+    """Write a recording in this format; returns what was left out.
 
     The wrench is interpolated to the joints' times. Numbers keep all their digits. Raises InputError.
     """
     names = ["t", *(f"q_{joint}" for joint in recording.joints)]
     columns = [recording.t[:, None], recording.q]
-    for quantity, values in (("dq", recording.dq), ("tau", recording.tau)):
-        if values is not None and not np.isnan(values).all():
-            names += [f"{quantity}_{joint}" for joint in recording.joints]
-            columns.append(values)
+    nowhere = []
+    quantities = [("dq", recording.dq), ("tau", recording.tau)]
     if recording.wrench is not None and recording.wrench_t is not None:
-        names += WRENCH_COLUMNS
-        columns.append(wrench_at(recording.t, recording.wrench_t, recording.wrench))
+        quantities.append(("wrench", wrench_at(recording.t, recording.wrench_t, recording.wrench)))
+    for quantity, values in quantities:
+        if values is None:
+            continue
+        if np.isnan(values).all():
+            nowhere.append(quantity)
+            continue
+        names += WRENCH_COLUMNS if quantity == "wrench" else [f"{quantity}_{joint}" for joint in recording.joints]
+        columns.append(values)
     table = np.hstack(columns)
     whole = np.isfinite(table).all(axis=1)
     try:
@@ -186,7 +200,7 @@ def write_csv(recording: Recording, path: Path) -> int:
         raise InputError(str(path), "is already there", "choose another name; nothing was overwritten") from None
     except OSError as error:
         raise InputError(str(path), f"cannot be written ({error.strerror})", "check the directory") from None
-    return int(np.count_nonzero(~whole))
+    return LeftOut(int(np.count_nonzero(~whole)), tuple(nowhere))
 
 
 def wrench_at(t: Array, wrench_t: Array, wrench: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from config import InputError
-from driver.recording.csv_recording import read_csv, write_csv
+from driver.recording.csv_recording import LeftOut, read_csv, write_csv
 from driver.recording.mcap_recording import read_mcap
 from driver.recording.recording import Recording
 from driver.recording.run_writer import JOINT_STATES
@@ -29,6 +29,6 @@ def read_recording(path: Path | str, topic: str = JOINT_STATES) -> Recording:
     return read_csv(path) if path.suffix.lower() in (".csv", ".txt") else read_mcap(path, topic)
 
 
-def export(path: Path | str, output: Path | str, topic: str = JOINT_STATES) -> int:
-    """Write a recording as CSV; returns how many samples were left out because something in them is missing."""
+def export(path: Path | str, output: Path | str, topic: str = JOINT_STATES) -> LeftOut:
+    """Write a recording as CSV; returns what of it was left out."""
     return write_csv(read_recording(path, topic), Path(output))

@@ -11,11 +11,13 @@ from service.checks.finding import Finding
 from service.checks.places import check_places
 from service.checks.realtime import check_realtime
 from service.checks.sensors import check_sensors
+from service.checks.servos import check_servos
 
 __all__ = ["Finding", "run_checks"]
 
 CHECKS: tuple[Callable[[Installation], Iterator[Finding]], ...] = (
     check_description,
+    check_servos,
     check_places,
     check_realtime,
     check_buses,

@@ -150,7 +150,8 @@ def _shown(status: dict[str, Any]) -> list[Any]:
     for sensor in status["sensors"]:
         age = "no sample yet" if sensor["age_ms"] is None else f"{sensor['age_ms']:.0f} ms old"
         lines.append(
-            f"sensor {sensor['name']}: {sensor['samples']} samples, {age}" + (", stale" if sensor["stale"] else "")
+            f"sensor {sensor['name']}: {sensor['samples']} samples, {age}"
+            + (f", stale: {sensor['condition']}" if sensor["stale"] else "")
         )
     recorder = status["recorder"]
     if recorder["last_death"]:

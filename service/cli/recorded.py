@@ -99,9 +99,15 @@ def export(
     from driver.recording import export as export_file
 
     left_out = export_file(Path(source), output, topic)
-    answer = {"recording": source, "csv": str(output), "samples_left_out": left_out}
-    remark = f"; {left_out} samples with something missing were left out" if left_out else ""
-    publish(answer, json, f"wrote {output}{remark}")
+    answer = {
+        "recording": source,
+        "csv": str(output),
+        "samples_left_out": left_out.samples,
+        "quantities_left_out": list(left_out.quantities),
+    }
+    remarks = [f"{left_out.samples} samples with something missing were left out"] if left_out.samples else []
+    remarks += [f"{quantity} was left out: no sample has it" for quantity in left_out.quantities]
+    publish(answer, json, "; ".join([f"wrote {output}", *remarks]))
 
 
 def report(

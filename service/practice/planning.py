@@ -69,6 +69,18 @@ def command_delay(mode: Mode) -> int:
     return 2 if mode == "csp" else 0
 
 
+def feedback_loop(installation: Installation, mode: Mode) -> FeedbackLoop:
+    """The servos in the drives (csp), or the host's controllers (cst)."""
+    gains = [joint.servo if mode == "csp" else joint.digital for joint in installation.joint]
+    return FeedbackLoop(
+        np.array([g.stiffness_nm_rad for g in gains]),
+        np.array([g.damping_nms_rad for g in gains]),
+        1.0 / installation.cycle.rate_hz,
+        # A servo's demand acts from its next tick on: in the drive, or after the next SYNC.
+        2 if mode == "csp" else 3,
+    )
+
+
 def practised_motion(name: str, installation: Installation, mode: Mode) -> Practised:
     """The motion of that name or file for practice.
 
@@ -85,14 +97,6 @@ def practised_of(motion: Motion, installation: Installation, mode: Mode) -> Prac
     reference = Reference.between_rests(
         sampled.q, sampled.dq, sampled.ddq, 1.0 / rate, round(REST_BEFORE_S * rate), round(REST_AFTER_S * rate)
     )
-    gains = [joint.servo if mode == "csp" else joint.digital for joint in installation.joint]
-    loop = FeedbackLoop(
-        np.array([g.stiffness_nm_rad for g in gains]),
-        np.array([g.damping_nms_rad for g in gains]),
-        1.0 / rate,
-        # A servo's demand acts from its next tick on: in the drive, or after the next SYNC.
-        2 if mode == "csp" else 3,
-    )
     # What the drive adds to it is identified from the replays.
     timing = Timing(held=True, advance=0.0 if mode == "csp" else 2.0)
     limits = [joint.limits for joint in installation.joint]
@@ -101,7 +105,7 @@ def practised_of(motion: Motion, installation: Installation, mode: Mode) -> Prac
         installation,
         mode,
         reference,
-        loop,
+        feedback_loop(installation, mode),
         timing,
         TorqueLimits(
             np.array([x.torque_nm for x in limits]),

@@ -23,7 +23,7 @@ def planned(
         raise InputError(
             str(installation.path),
             f"arm {installation.arm.name} lists no {listed}",
-            "list some under [arm], or name motions, or give recordings",
+            "list some under [arm], name motions, have one designed (--design), or give recordings",
         )
     return [plan_motion(name, installation, mode, controller) for name in motions]
 

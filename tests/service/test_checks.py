@@ -14,6 +14,7 @@ from service.checks import run_checks
 from service.checks.description import check_description
 from service.checks.realtime import preemption
 from service.checks.sensors import check_sensors
+from service.checks.servos import check_servos
 from service.cli.entry import run
 
 
@@ -63,3 +64,16 @@ def test_a_sensor_that_is_there_is_reported(house: Any, tmp_path: Path) -> None:
     assert missing.verdict == "fail"
     line.touch()
     assert next(check_sensors(load_installation(str(config)))).verdict == "ok"
+
+
+def test_gains_that_would_shake_the_arm_are_found_without_moving_it(house: Any) -> None:
+    assert {f.verdict for f in check_servos(load_installation("dda"))} == {"ok"}
+    config = house.arm_files()
+    text = config.read_text()
+    gains = "servo = { stiffness_nm_rad = 540, damping_nms_rad = 28.7 }"
+    assert gains in text
+    config.write_text(text.replace(gains, "servo = { stiffness_nm_rad = 54000, damping_nms_rad = 2870 }"))
+    found = {f.subject: f for f in check_servos(load_installation(str(config)))}
+    assert found["servo gains, csp"].verdict == "warn"
+    assert "joint3 would swing at" in found["servo gains, csp"].detail
+    assert found["digital gains, cst"].verdict == "ok"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 from virtual_hw.drive.emergency import ErrorCode
+from virtual_hw.drive.servo import Servo
 from virtual_hw.drive.states import PowerState
 
 COUNTS = 65536 / (2 * math.pi)
@@ -116,6 +118,21 @@ def test_targets_are_interpolated_over_the_period(bench: Any) -> None:
         bench.run(0.5)
         seen.append(round(servo.position) - begin)
     assert seen == [10, 20, 30, 40, 50, 60, 70, 80, 80, 80]
+
+
+def test_the_slope_of_the_targets_is_reached_without_a_leap() -> None:
+    """A velocity reference that leapt at each set-point would make the torque at every SYNC another than between."""
+    servo = Servo(65536, tick_ns=500_000)
+    servo.set_period(4e-3)
+    servo.rest_at(0.0)
+    seen = []
+    for k in range(1, 8):  # a steady acceleration of 1e6 counts/s², a set-point every 4 ms
+        servo.aim(8.0 * k * k, None, 0.0)
+        for _ in range(8):
+            servo.follow(0.0, 0.0)
+            seen.append(servo.velocity)
+    steps = [after - before for before, after in itertools.pairwise(seen)]
+    assert steps[7:] == pytest.approx([500.0] * len(steps[7:]))
 
 
 def test_following_error_faults_after_its_time(bench: Any) -> None:

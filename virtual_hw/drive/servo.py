@@ -63,7 +63,6 @@ class Servo:
         self._slope = velocity is None
         if velocity is None:
             velocity = (position - self.position) / self.period_s
-            self.velocity = velocity
         self._from = (self.position, self.velocity, self.offset)
         self._to = (position, velocity, offset)
         self._share = 0.0

@@ -22,12 +22,15 @@ from virtual_hw.hidden.contact import Push, Wall
 from virtual_hw.hidden.friction import Friction
 from virtual_hw.hidden.joint_sensors import AngleSensor, TorqueSensor, VelocitySensor
 from virtual_hw.hidden.motor import Motor
+from virtual_hw.hidden.noise import Noise
 from virtual_hw.hidden.periodic import Cogging, GearMesh, TorqueRipple
 from virtual_hw.hidden.springs import CableHysteresis, HydraulicCounterbalance, JointSpring
 from virtual_hw.hidden.transmission import Elasticity, RotorInertia, SharedTransmission
 from virtual_hw.hidden.wrench_sensor import WrenchErrors
 
 HERE = Path(__file__).parent
+SENSOR_NOISE = 2e-4
+"""Of a wrist sensor's range, rms, where nothing else is said of it."""
 
 
 class HiddenMechanics(Section):
@@ -109,11 +112,24 @@ def load_hidden(installation: Installation, source: Path | str | None = None) ->
             )  # fmt: skip
         source = installation.virtual.hidden
         if source is None:
-            return HiddenMechanics()
+            return _nothing_hidden(installation)
     path = _path(str(source), installation.path.parent)
     hidden = validate(HiddenMechanics, _read(path), path)
     _check_names(hidden, installation, path)
     return hidden
+
+
+def _nothing_hidden(installation: Installation) -> HiddenMechanics:
+    """The arm as the URDF says. A wrist sensor without any noise would be taken for a frozen one."""
+    quiet = [
+        WrenchErrors(
+            sensor=sensor.name,
+            force_noise=Noise(white=SENSOR_NOISE * sensor.range_n),
+            torque_noise=Noise(white=SENSOR_NOISE * sensor.range_nm),
+        )
+        for sensor in installation.wrench_sensor
+    ]
+    return HiddenMechanics(wrench_sensor=tuple(quiet))
 
 
 def resolve_hidden(installation: Installation, hidden: HiddenMechanics | Path | str | None) -> HiddenMechanics:

@@ -9,7 +9,7 @@ import pytest
 
 import config
 import virtual_hw.hidden
-from config import Installation, load_installation
+from config import InputError, Installation, load_installation
 from virtual_hw.hidden import load_hidden
 from virtual_hw.plant import build_plant
 
@@ -54,3 +54,22 @@ def test_a_clean_arm_has_noise_and_no_friction(name):
         plant.advance([0.0] * plant.n, [True] * plant.n)
         torques.append([plant.torque(i) for i in range(plant.n)])
     assert (np.std(torques, axis=0) > 0).all()
+
+
+def test_a_stand_in_that_hides_nothing_is_the_urdf_and_its_wrist_sensor_lives(tmp_path: Path) -> None:
+    for path in (ARMS / "dda").iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    file = tmp_path / "installation.toml"
+    text = file.read_text()
+    assert 'hidden = "dda"' in text
+    file.write_text(text.replace('hidden = "dda"', ""))
+    installation = load_installation(str(file))
+    hidden = load_hidden(installation)
+    assert not hidden.link
+    assert not hidden.friction
+    assert [(w.sensor, w.force_noise.white > 0, w.torque_noise.white > 0) for w in hidden.wrench_sensor] == [
+        ("wrist", True, True)
+    ]
+    file.write_text(text.replace('[virtual]\nhidden = "dda"', ""))
+    with pytest.raises(InputError, match=r"add a section \[virtual\]"):
+        load_hidden(load_installation(str(file)))
