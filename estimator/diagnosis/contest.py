@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.conditional import Conditional, Group, groups_of
 from estimator.diagnosis.design import Design, Hypothesis, stretch_rows
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.grams import Block, total
+from estimator.diagnosis.grams import Block, part_of, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import Stretch
@@ -128,7 +128,7 @@ def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypothese
     """
     own = [np.flatnonzero(scores.owner == h) for h in hypotheses]
     chosen = [*others, *(int(k) for k in np.concatenate(own))]
-    design, known = _part(scores.design, scores.total, chosen)
+    design, (known,) = part_of(scores.design, [scores.total], chosen)
     rivals, place = [], len(others)
     for number, candidates in zip(hypotheses, own, strict=True):
         freedom = np.array([float(scores.size(int(k))) for k in candidates])
@@ -136,15 +136,3 @@ def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypothese
         rivals.append(Rival(scores.design.hypotheses[number], here, freedom))
         place += len(candidates)
     return Contest(design, len(others), tuple(rivals), known, scores.weights.copy(), evidence.noise, evidence.grid.band)
-
-
-def _part(design: Design, block: Block, chosen: Sequence[int]) -> tuple[Design, Block]:
-    """The design with some of its candidates, and a block's products of what is left."""
-    part = design.with_candidates([design.candidates[k] for k in chosen])
-    former = np.concatenate([np.arange(design.given), *(design.candidates[k].columns for k in chosen)]).astype(np.intp)
-    grams = []
-    for channel, gram in enumerate(block.grams):
-        place = design.position[channel][former[part.members[channel]]]
-        kept = np.append(place, len(gram) - 1)
-        grams.append(gram[np.ix_(kept, kept)])
-    return part, Block(block.recording, block.rows, grams)

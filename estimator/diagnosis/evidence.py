@@ -14,7 +14,7 @@ from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_
 from estimator.diagnosis.first_body import first_body
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
-from estimator.diagnosis.grams import Block, sum_up
+from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
@@ -42,7 +42,7 @@ class Evidence:
     decimations: tuple[int, ...]
     repeats: tuple[RepeatGroup, ...]
     noise: Noise
-    blocks: tuple[Block, ...]
+    blocks: tuple[Block | Sheet, ...]
     folds: tuple[int, ...]
     """With which fold each block is left out."""
     parts: int
@@ -82,7 +82,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
             [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)], unseen
         )
     parts = parts_of(len(trajectories), repeats)
-    blocks = sum_up(design, pieces, decimations, noise, parts)
+    blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     if not blocks:
         raise InputError(
             trajectories[0].name, "is too short to judge a model by", "record at least some seconds of motion"

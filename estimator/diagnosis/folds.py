@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 
-from estimator.diagnosis.grams import Block
+from estimator.diagnosis.grams import Block, Sheet
 from estimator.repeats import RepeatGroup
 
 _MOTIONS = 4
@@ -28,7 +28,7 @@ def parts_of(recordings: int, groups: Sequence[RepeatGroup]) -> int:
     return 1 if len(set(motions(recordings, groups))) >= _MOTIONS else _PARTS
 
 
-def folds_of(blocks: Sequence[Block], recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
+def folds_of(blocks: Sequence[Block | Sheet], recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
     """For each block the number of the fold that it is left out with.
 
     Whole motions with all that repeats them, where there are several; else the blocks of all playings that lie in the
@@ -45,7 +45,7 @@ def folds_of(blocks: Sequence[Block], recordings: int, groups: Sequence[RepeatGr
     return [number[key] for key in keys]
 
 
-def _by_part(blocks: Sequence[Block], groups: Sequence[RepeatGroup]) -> list[Hashable]:
+def _by_part(blocks: Sequence[Block | Sheet], groups: Sequence[RepeatGroup]) -> list[Hashable]:
     keys: list[Hashable] = [("alone", k) for k in range(len(blocks))]
     for number, group in enumerate(groups):
         phases = {k: phase for k, block in enumerate(blocks) if (phase := _phase(group, block)) is not None}
@@ -54,7 +54,7 @@ def _by_part(blocks: Sequence[Block], groups: Sequence[RepeatGroup]) -> list[Has
     return keys
 
 
-def _phase(group: RepeatGroup, block: Block) -> float | None:
+def _phase(group: RepeatGroup, block: Block | Sheet) -> float | None:
     """0 … 1 (excluded): where in the repeated motion the middle of a block lies; None: it is no playing of it."""
     for occurrence in group.occurrences:
         phase = (block.middle - occurrence.start) / group.duration

@@ -1,12 +1,14 @@
 """One pass over the data: Gram matrices of all columns, block by block of neighbouring rows.
 
-Every test, every score on data left out, every step of the selection is then small algebra on these.
+Every test, every score on data left out, every step of the selection is then small algebra on these. A block of fewer
+rows than columns is kept as its rows: they are the smaller, and what is asked of a block is the products of a few
+columns.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +20,7 @@ from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.stretches import Stretch
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 _BLOCKS = 12
 """Blocks that the rows are cut into, at least one a recording."""
@@ -35,15 +38,47 @@ class Block:
     middle: float = math.nan
     """s, of its rows, in the recording's own time; a sum has none."""
 
+    def among(self, kept: Sequence[Indices]) -> Block:
+        """The products of some of each channel's columns alone."""
+        grams = [gram[np.ix_(own, own)] for gram, own in zip(self.grams, kept, strict=True)]
+        return Block(self.recording, self.rows, grams, self.middle)
 
-def sum_up(
+
+@dataclass(frozen=True)
+class Sheet:
+    """Neighbouring rows of one recording as they are: for each channel (members + 1, rows), the residual last."""
+
+    recording: int
+    columns: list[Array]
+    middle: float
+
+    @property
+    def rows(self) -> int:
+        return int(self.columns[0].shape[1])
+
+    def among(self, kept: Sequence[Indices]) -> Block:
+        """The products of some of each channel's columns alone."""
+        return self._block([x[own] for x, own in zip(self.columns, kept, strict=True)])
+
+    def summed(self) -> Block:
+        """The products of all columns."""
+        return self._block(self.columns)
+
+    def compact(self) -> Block | Sheet:
+        """The smaller of the rows and their products."""
+        return self if all(x.shape[1] < x.shape[0] for x in self.columns) else self.summed()
+
+    def _block(self, columns: Sequence[Array]) -> Block:
+        return Block(self.recording, self.rows, [x @ x.T for x in columns], self.middle)
+
+
+def sheets(
     design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, parts: int = 1
-) -> list[Block]:
-    """Gram matrices of all stretches; ``decimations`` samples a row of each, at least ``parts`` blocks of each that is
-    long enough."""
+) -> Iterator[Sheet]:
+    """The rows of all stretches; ``decimations`` samples a row of each, at least ``parts`` sheets of each that is long
+    enough."""
     total = sum(piece.signals.samples // decimation for piece, decimation in zip(pieces, decimations, strict=True))
     length = max(_LEAST_ROWS, total // _BLOCKS)
-    blocks: list[Block] = []
     for piece, decimation in zip(pieces, decimations, strict=True):
         rows = stretch_rows(design, piece, decimation, noise)
         count = rows[0].shape[1]
@@ -53,18 +88,36 @@ def sum_up(
         edges = np.linspace(0, count, own + 1).astype(int)
         times = piece.signals.t[::decimation][ORDER:]
         for begin, end in pairwise(edges):
-            grams = [x[:, begin:end] @ x[:, begin:end].T for x in rows]
-            blocks.append(Block(piece.recording, int(end - begin), grams, float(times[(begin + end) // 2])))
-    return blocks
+            yield Sheet(piece.recording, [x[:, begin:end] for x in rows], float(times[(begin + end) // 2]))
 
 
-def total(blocks: Sequence[Block]) -> Block:
+def sum_up(
+    design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, parts: int = 1
+) -> list[Block]:
+    """Gram matrices of all `sheets`."""
+    return [sheet.summed() for sheet in sheets(design, pieces, decimations, noise, parts)]
+
+
+def total(blocks: Sequence[Block | Sheet]) -> Block:
     """The sum of blocks."""
-    grams = [gram.copy() for gram in blocks[0].grams]
-    for block in blocks[1:]:
-        for gram, more in zip(grams, block.grams, strict=True):
-            gram += more
+    kept = [block for block in blocks if isinstance(block, Sheet)]
+    grams = [x @ x.T for x in (np.concatenate(parts, axis=1) for parts in zip(*(s.columns for s in kept), strict=True))]
+    for block in blocks:
+        if isinstance(block, Block):
+            # The first sum is a copy: blocks stay as they are.
+            grams = [gram + more for gram, more in zip(grams, block.grams, strict=True)] if grams else block.grams
     return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)
+
+
+def part_of(design: Design, blocks: Sequence[Block | Sheet], chosen: Sequence[int]) -> tuple[Design, list[Block]]:
+    """The design with some of its candidates, and the blocks' products of what is left."""
+    part = design.with_candidates([design.candidates[k] for k in chosen])
+    former = np.concatenate([np.arange(design.given), *(design.candidates[k].columns for k in chosen)]).astype(np.intp)
+    kept = [
+        np.append(design.position[channel][former[members]], len(design.members[channel]))
+        for channel, members in enumerate(part.members)
+    ]
+    return part, [block.among(kept) for block in blocks]
 
 
 def without_each(whole: Block, blocks: Sequence[Block], folds: Sequence[int]) -> list[Block]:

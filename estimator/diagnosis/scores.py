@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.chance import Chance, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products
 from estimator.diagnosis.design import Design, Hypothesis
-from estimator.diagnosis.grams import Block, total, without_each
+from estimator.diagnosis.grams import Block, Sheet, part_of, total, without_each
 from estimator.diagnosis.left_out import gains_left_out
 from estimator.diagnosis.maps import Map
 
@@ -23,7 +23,7 @@ _SAME_ORDER = 0.5
 class Scores:
     """Of candidates and sets of them, at the present weights of the channels; worked out once, and remembered."""
 
-    def __init__(self, design: Design, blocks: Sequence[Block], folds: Sequence[int]) -> None:
+    def __init__(self, design: Design, blocks: Sequence[Block | Sheet], folds: Sequence[int]) -> None:
         """``folds`` says for each block which fold it is left out with."""
         self.design = design
         self.total = total(blocks)
@@ -31,7 +31,7 @@ class Scores:
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
         self.weights = np.ones(len(design.channels))
-        self._training = without_each(self.total, blocks, folds)
+        self._blocks, self._folds = blocks, folds
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
@@ -43,11 +43,11 @@ class Scores:
         self._gains: dict[frozenset[int], Array] = {}
         self._held_out: dict[tuple[int, frozenset[int]], float] = {}
 
-    def model(self, chosen: Sequence[int], block: Block | None = None) -> Conditional:
+    def model(self, chosen: Sequence[int]) -> Conditional:
         """The given model with these candidates, fitted at the present weights."""
         columns = [self.design.candidates[k].columns for k in chosen]
         active = np.concatenate([np.arange(self.design.given), *columns]).astype(np.intp)
-        return Conditional(self.design, block or self.total, self.weights, active)
+        return Conditional(self.design, self.total, self.weights, active)
 
     def excess(self, chosen: Sequence[int]) -> Array:
         """(channels,) mean square of the whitened residual: one where only noise is left."""
@@ -113,9 +113,16 @@ class Scores:
         errors over the folds."""
         key = (candidate, frozenset(others))
         if key not in self._held_out:
-            columns = self.design.candidates[candidate].columns
-            models = [self.model(others, block) for block in (self.total, *self._training)]
-            gains = gains_left_out(models[0], models[1:], columns)
+            design, parts = part_of(self.design, self._blocks, [*others, candidate])
+            # The sum of these very parts: what one fold alone shows is then left out to the last digit.
+            whole = total(parts)
+            columns = design.candidates[-1].columns
+            active = np.arange(design.size - len(columns))
+            first, *staying = (
+                Conditional(design, block, self.weights, active)
+                for block in (whole, *without_each(whole, parts, self._folds))
+            )
+            gains = gains_left_out(first, staying, columns)
             error = float(gains.std(ddof=1) * np.sqrt(len(gains)))
             self._held_out[key] = float(gains.sum()) / max(error, 1e-12)
         return self._held_out[key]
