@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.signal import detrend, lfilter
@@ -33,8 +34,10 @@ _STOP_BAND_DB = 100.0
 FLAT_TO_BAND = 6.0
 """The kinematics' low-pass is flat to this multiple of the parallel low-pass' band, and closed at twice that."""
 _ROLL_OFF = 0.5
-_ROWS_AT_ONCE = 16
+_ROWS_AT_ONCE = 8
 """Rows that a decimation works on together: they stay in the processor's cache."""
+_PIECE = 12
+"""Outputs of a decimation that one row of its matrix product gives."""
 _SPAN = 12
 """Length of the decimating kernel in output samples."""
 
@@ -137,30 +140,37 @@ def root_raised_cosine(decimation: int) -> Array:
 
 
 class Decimator:
-    """The parallel filter as one matrix product a block: rows (channels, N) → (channels, ceil(N / decimation)).
+    """The parallel filter as matrix products: rows (channels, N) → (channels, ceil(N / decimation)).
 
     Output k is centred at sample k·decimation. Beyond the ends the rows count as zero, for regressor and torque
-    alike, so the equation stays true there too.
+    alike, so the equation stays true there too. Overlapping pieces of the rows times a band matrix that holds the
+    kernel once for each of a piece's outputs.
     """
 
     def __init__(self, decimation: int) -> None:
         self.decimation = decimation
-        self._phases = np.ascontiguousarray(root_raised_cosine(decimation).reshape(_SPAN, decimation).T)
+        self._band = np.zeros((_PIECE + _SPAN - 1, decimation, _PIECE))
+        kernel = root_raised_cosine(decimation).reshape(_SPAN, decimation)
+        for output in range(_PIECE):
+            self._band[output : output + _SPAN, :, output] = kernel
 
     def __call__(self, rows: Array) -> Array:
         if self.decimation == 1:
             return rows
         channels, samples = rows.shape
         outputs = -(-samples // self.decimation)
+        pieces, reach = -(-outputs // _PIECE), (_PIECE + _SPAN - 1) * self.decimation
         lead = (_SPAN // 2) * self.decimation
-        result = np.zeros((channels, outputs))
-        for first in range(0, channels, _ROWS_AT_ONCE):
-            own = slice(first, min(first + _ROWS_AT_ONCE, channels))
-            padded = np.zeros((own.stop - first, outputs + _SPAN, self.decimation))
-            padded.reshape(len(padded), -1)[:, lead : lead + samples] = rows[own]
-            products = padded @ self._phases
-            for phase in range(_SPAN):
-                result[own] += products[:, phase : phase + outputs, phase]
+        at_once = min(_ROWS_AT_ONCE, channels)
+        padded = np.zeros((at_once, pieces * _PIECE * self.decimation + reach))
+        windows = sliding_window_view(padded, reach, axis=1)[:, : -self.decimation : _PIECE * self.decimation]
+        band = self._band.reshape(reach, _PIECE)
+        result = np.empty((channels, outputs))
+        for first in range(0, channels, at_once):
+            own = rows[first : first + at_once]
+            padded[: len(own), lead : lead + samples] = own
+            product = np.ascontiguousarray(windows[: len(own)]).reshape(-1, reach) @ band
+            result[first : first + at_once] = product.reshape(len(own), -1)[:, :outputs]
         return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
-from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.stretches import Channel, Stretch
 from estimator.effects import Law, Place, Scales, Signals
 from estimator.filtering import Decimator
@@ -19,6 +19,9 @@ from estimator.rows import make_layout
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+_AT_ONCE = 24
+"""Columns at least that are filtered together."""
 
 
 @dataclass(frozen=True)
@@ -142,29 +145,56 @@ def _moment(body: RigidBody) -> Signals:
 
 def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise) -> list[Array]:
     """For each channel (members + 1, rows): its whitened columns, the residual of the given model last."""
-    columns = _columns(design, stretch.signals)
     decimate = Decimator(decimation)
-    result = []
-    for channel, parts in enumerate(columns):
-        stacked = np.concatenate([*parts, stretch.residual[:, channel][None]])
-        result.append(noise.whiten(channel, decimate(stacked)))
-    return result
+    rows = max(-(-stretch.signals.samples // decimation) - ORDER, 0)
+    sinks = [
+        _Sink(channel, decimate, noise, np.empty((len(members) + 1, rows)))
+        for channel, members in enumerate(design.members)
+    ]
+    for channel, columns in _columns(design, stretch.signals):
+        sinks[channel].take(columns)
+    for sink, residual in zip(sinks, stretch.residual.T, strict=True):
+        sink.take(residual[None])
+        sink.filter()
+    return [sink.rows for sink in sinks]
 
 
-def _columns(design: Design, signals: Signals) -> list[list[Array]]:
+class _Sink:
+    """Takes one channel's columns as they are made and keeps what the filters leave: the columns themselves live no
+    longer than in the processor's cache."""
+
+    def __init__(self, channel: int, decimate: Decimator, noise: Noise, rows: Array) -> None:
+        self.rows = rows
+        self._channel, self._decimate, self._noise = channel, decimate, noise
+        self._filled = 0
+        self._waiting: list[Array] = []
+
+    def take(self, columns: Array) -> None:
+        """(columns, samples)"""
+        self._waiting.append(columns)
+        if sum(map(len, self._waiting)) >= _AT_ONCE:
+            self.filter()
+
+    def filter(self) -> None:
+        """What is waiting."""
+        if self._waiting:
+            whole = self._noise.whiten(self._channel, self._decimate(np.concatenate(self._waiting)))
+            self.rows[self._filled : self._filled + len(whole)] = whole
+            self._filled += len(whole)
+            self._waiting.clear()
+
+
+def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
+    """Channel and (columns, samples), each channel's in the order of its members."""
     kept, sign = np.array(design.base.kept), design.base.sign
-    parts: list[list[Array]] = []
     slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq}
-    for channel, reached in zip(design.channels, design.reached, strict=True):
-        # A channel that is late by δ reads x(t) − δ·dx/dt.
-        timing = -slope[channel.equation][:, [channel.index]].T
+    for number, (channel, reached) in enumerate(zip(design.channels, design.reached, strict=True)):
         if channel.equation == "torque":
-            parts.append([(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T, timing])
-        else:
-            parts.append([timing])
+            yield number, (signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
+        # A channel that is late by δ reads x(t) − δ·dx/dt.
+        yield number, -slope[channel.equation][:, [channel.index]].T
     for candidate in design.candidates:
         hypothesis = design.hypotheses[candidate.hypothesis]
         values = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)
         for row, channel_index in enumerate(candidate.channels):
-            parts[channel_index].append(values[:, row].T)
-    return parts
+            yield channel_index, values[:, row].T
