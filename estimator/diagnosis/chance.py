@@ -36,7 +36,7 @@ class Chance:
     """As many independent tests behave like this family of hypotheses."""
 
     def surprise(self, gains: Array) -> Array:
-        """(hypotheses,) −log probability of gains (hypotheses,) under chance, one hypothesis at a time."""
+        """(…, hypotheses) −log probability of gains (…, hypotheses) under chance, one hypothesis at a time."""
         return np.asarray(-gamma.logsf(np.maximum(gains, 0.0), self.shape, scale=self.scale))
 
     def false_alarm(self, hypothesis: int, gain: float) -> float:
@@ -63,7 +63,7 @@ def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
     # The tail matters: no lighter than that of one Gaussian coefficient.
     scale = np.maximum(variance / mean, 1.0)
     law = Chance(mean / scale, scale, 1.0)
-    surprises = np.array([law.surprise(draw) for draw in gains.T])
+    surprises = law.surprise(gains.T)
     tested = np.isin(np.arange(count), [c.hypothesis for c in design.candidates])
     largest = surprises[:, tested].max(axis=1)
     # P(max < x) = exp(−tests·e^−x): tests by maximum likelihood.

@@ -54,10 +54,12 @@ def groups_of(design: Design, candidates: Indices | None = None) -> list[Group]:
 def products(design: Design, block: Block, weights: Array, first: Indices, second: Indices) -> Array:
     """(first, second) weighted products of some unknowns' columns with others', over all channels."""
     result = np.zeros((len(first), len(second)))
-    for channel, gram in enumerate(block.grams):
-        one, other = design.position[channel][first], design.position[channel][second]
-        rows, columns = np.flatnonzero(one >= 0), np.flatnonzero(other >= 0)
-        result[rows[:, None], columns] += weights[channel] * gram[one[rows, None], other[columns]]
+    one, other = design.position[:, first], design.position[:, second]
+    enters, meets = one >= 0, other >= 0
+    for channel in np.flatnonzero(enters.any(axis=1) & meets.any(axis=1)):
+        rows, columns = np.flatnonzero(enters[channel]), np.flatnonzero(meets[channel])
+        gram = block.grams[channel]
+        result[rows[:, None], columns] += weights[channel] * gram[one[channel, rows, None], other[channel, columns]]
     return result
 
 

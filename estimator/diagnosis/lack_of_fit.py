@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from estimator.diagnosis.maps import smoothest_first
 from estimator.diagnosis.scores import Scores
@@ -75,6 +75,7 @@ def _surprise(matrix: Array, score: Array, energy: Array) -> tuple[float, float]
     # The factor of the whole holds that of every depth.
     factor = cholesky(matrix * np.outer(scale, scale) + _TOLD * np.eye(len(score)), lower=True)
     squares = np.cumsum(solve_triangular(factor, score * scale, lower=True) ** 2)
-    surprises = -np.asarray(chi2.logsf(squares, 1.0 + np.arange(len(score))))
+    with np.errstate(divide="ignore"):
+        surprises = -np.log(chdtrc(1.0 + np.arange(len(score)), squares))
     depth = int(np.argmax(surprises))
     return float(surprises[depth]), float(0.5 * squares[depth])

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 _ROWS_A_COEFFICIENT = 40
+_TOLD = 1e-9
+"""Of the largest singular value: smaller ones are rounding."""
 _WIDENED = 1.3
 """Factor on the standard deviation of a noise that no repeats tell."""
 
@@ -84,8 +86,11 @@ def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
         rows = np.concatenate([stretch[channel] for stretch in stretches], axis=1)
         norms = np.linalg.norm(rows[:-1], axis=1)
         columns = rows[:-1][norms > 0.0] / norms[norms > 0.0, None]
-        directions = np.linalg.svd(columns, full_matrices=False)[2] if len(columns) else np.zeros((0, rows.shape[1]))
-        kept = directions[: rows.shape[1] // 3]
+        kept = np.zeros((0, rows.shape[1]))
+        if len(columns):
+            _, values, directions = np.linalg.svd(columns, full_matrices=False)
+            # What is no direction of the columns but of their rounding would swallow noise by chance.
+            kept = directions[values > _TOLD * values[0]][: rows.shape[1] // 3]
         residual = rows[-1] - (rows[-1] @ kept.T) @ kept
         free = rows.shape[1] - len(kept)
         freedom = min(freedom, float(free))

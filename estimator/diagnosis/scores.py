@@ -42,6 +42,7 @@ class Scores:
         self._supports: dict[frozenset[int], float] = {}
         self._gains: dict[frozenset[int], Array] = {}
         self._held_out: dict[tuple[int, frozenset[int]], float] = {}
+        self._explained: dict[tuple[int, int], Array] = {}
 
     def model(self, chosen: Sequence[int]) -> Conditional:
         """The given model with these candidates, fitted at the present weights."""
@@ -98,13 +99,14 @@ class Scores:
     def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
         """Best supported candidate of every other effect, its gain and its gain less penalty, best first."""
         gains = self.gains(chosen)
-        taken = {self.owner[k] for k in chosen if not self.recurs(k)}
+        taken = [int(self.owner[k]) for k in chosen if not self.recurs(k)]
+        open_to = np.isfinite(gains) & ~self.is_map[self.owner] & ~np.isin(self.owner, taken)
+        order = np.argsort(self._penalties - gains)
         best: dict[int, int] = {}
-        for k in np.argsort(self._penalties - gains):
-            if self.owner[k] not in taken and not self.is_map[self.owner[k]] and np.isfinite(gains[k]):
-                if any(self.owner[k] == self.owner[c] and self.alike(int(k), c, _SAME_ORDER) for c in chosen):
-                    continue
-                best.setdefault(int(self.owner[k]), int(k))
+        for k in map(int, order[open_to[order]]):
+            own = int(self.owner[k])
+            if own not in best and not any(own == self.owner[c] and self.alike(k, c, _SAME_ORDER) for c in chosen):
+                best[own] = k
         rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
         return sorted(rows, key=lambda row: -row[2])
 
@@ -138,6 +140,12 @@ class Scores:
     def alike(self, one: int, other: int, least: float) -> bool:
         """Whether the other leaves less than this share of each column of the one in these data: then one can only
         undo the other."""
+        if (one, other) not in self._explained:
+            self._explained[one, other] = self._explained_share(one, other)
+        return bool(np.all(self._explained[one, other] > 1.0 - least))
+
+    def _explained_share(self, one: int, other: int) -> Array:
+        """Of the energy of each column of the one that has any, what the other's columns explain."""
         first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
         both = np.concatenate([first, second])
         squares = products(self.design, self.total, self.weights, both, both)
@@ -145,4 +153,4 @@ class Scores:
         explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
         energy = np.diag(squares)[: len(first)]
         told = energy > 0.0
-        return bool(np.all(explained[told] > (1.0 - least) * energy[told]))
+        return np.asarray(explained[told] / energy[told])

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Signals
-from estimator.regressor import torque_regressor
 from estimator.rigid_body import PARAMETERS, UNITS, RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -36,7 +35,7 @@ class LinkInertia(Effect):
         assert place.joint is not None
         span = slice(10 * place.joint, 10 * place.joint + 10)
         columns = signals.regressor[:, self.rows(signals.body, place), span]
-        columns[:, :, ~distinguishable(signals.body, place.joint)] = 0.0
+        columns[:, :, ~signals.distinguishable[place.joint]] = 0.0
         return np.asarray(columns)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
@@ -48,15 +47,6 @@ class LinkInertia(Effect):
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         assert place.joint is not None
         plant.parameters[10 * place.joint : 10 * place.joint + 10] += self.unknowns(place, parameters)[1]
-
-
-def distinguishable(body: RigidBody, link: int) -> NDArray[np.bool_]:
-    """(10,) which parameters of a link have torques of their own, each judged against those before it."""
-    random = np.random.default_rng(0)
-    q, dq, ddq = random.normal(0.0, 2.0, (3, 20, body.n))
-    columns = torque_regressor(body, q, dq, ddq)[:, :, 10 * link : 10 * link + 10].reshape(-1, 10)
-    upper = np.abs(np.diag(np.linalg.qr(columns, mode="r")))
-    return np.asarray(upper > 1e-9 * np.linalg.norm(columns))
 
 
 EFFECT = LinkInertia()

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
-from estimator.effects.link_inertia import distinguishable
 from estimator.effects.signals import Scales, Signals
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
@@ -48,7 +47,7 @@ class Payload(Effect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         columns = np.array(signals.regressor[:, :, -10:])
         if _bulky(theta):
-            columns[:, :, ~distinguishable(signals.body, signals.body.n - 1)] = 0.0
+            columns[:, :, ~signals.distinguishable[-1]] = 0.0
         else:
             columns[:, :, :4] += columns[:, :, 4:] @ _turning(theta[1:])
             columns[:, :, 4:] = 0.0

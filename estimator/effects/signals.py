@@ -83,6 +83,16 @@ class Signals:
         return torque_regressor(self.body, self.q, self.dq, self.ddq)
 
     @cached_property
+    def distinguishable(self) -> NDArray[np.bool_]:
+        """(n, 10) which parameters of each link have torques of their own in some motion, each judged against those
+        before it."""
+        n, random = self.body.n, np.random.default_rng(0)
+        q, dq, ddq = random.normal(0.0, 2.0, (3, 20, n))
+        columns = torque_regressor(self.body, q, dq, ddq).reshape(-1, n, 10).swapaxes(0, 1)
+        upper = np.abs(np.diagonal(np.linalg.qr(columns, mode="r"), axis1=1, axis2=2))
+        return np.asarray(upper > 1e-9 * np.linalg.norm(columns, axis=(1, 2))[:, None])
+
+    @cached_property
     def sensitivity(self) -> tuple[Array, Array, Array]:
         """∂tau_rigid/∂q, ∂tau_rigid/∂dq, ∂tau_rigid/∂ddq (the mass matrix): (samples, n, n) each, [:, i, j] torque i by
         joint j. How an error of a sensor enters the torque equation."""
@@ -110,12 +120,10 @@ class Signals:
     def reach(self) -> Array:
         """(samples, n, 3) N·m of each joint for a unit force of the arm on the world, along x, y, z of the base, at the
         origin of the last link's frame: the transposed Jacobian, which is what holds a unit mass there."""
-        still = np.zeros_like(self.q)
-        mass = 10 * (self.body.n - 1)
-        columns = [
-            torque_regressor(replace(self.body, gravity=-axis), self.q, still, still)[:, :, mass] for axis in np.eye(3)
-        ]
-        return np.stack(columns, axis=2)
+        still, mass = np.zeros_like(self.q), np.zeros(10 * self.body.n)
+        mass[-10] = 1.0
+        held = [inverse_dynamics(replace(self.body, gravity=-axis), mass, self.q, still, still) for axis in np.eye(3)]
+        return np.stack(held, axis=2)
 
     def by_angle_error(self, joint: int, error: Array) -> Array:
         """(samples, n): what the model's torque gains when the true angle of a joint is ``error`` (samples,) rad more
