@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
 from config import InputError
@@ -166,6 +167,16 @@ def test_a_lag_answers_a_sine_as_its_transfer_function(frequency: float) -> None
 
 def test_a_lag_leaves_what_stands_still() -> None:
     np.testing.assert_allclose(second_order_lag(np.full(50, 3.0), 0.01, 0.02, 0.01), 3.0)
+
+
+@pytest.mark.parametrize(("relaxation", "square"), [(0.02, 0.01), (0.02, 0.0), (0.0, 1e-4), (1e-5, 1e-9), (3.0, 1e-4)])
+def test_a_lag_is_that_of_a_general_first_order_hold(relaxation: float, square: float) -> None:
+    period = 0.004
+    x = np.concatenate([np.zeros(8), np.random.default_rng(0).normal(size=60)])
+    system = (np.ones(1), np.array([square, relaxation, 1.0] if square else [relaxation, 1.0]))
+    numerator, denominator, _ = cont2discrete(system, period, method="foh")
+    expected = lfilter(np.ravel(numerator), denominator, x)
+    np.testing.assert_allclose(second_order_lag(x, period, relaxation, square), expected, rtol=1e-8, atol=1e-10)
 
 
 def test_an_elastic_joint_gives_by_its_torque_over_its_stiffness(signals: Signals) -> None:
