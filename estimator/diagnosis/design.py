@@ -166,13 +166,14 @@ class _Sink:
     def __init__(self, channel: int, decimate: Decimator, noise: Noise, rows: Array) -> None:
         self.rows = rows
         self._channel, self._decimate, self._noise = channel, decimate, noise
-        self._filled = 0
+        self._filled = self._count = 0
         self._waiting: list[Array] = []
 
     def take(self, columns: Array) -> None:
         """(columns, samples)"""
         self._waiting.append(columns)
-        if sum(map(len, self._waiting)) >= _AT_ONCE:
+        self._count += len(columns)
+        if self._count >= _AT_ONCE:
             self.filter()
 
     def filter(self) -> None:
@@ -181,6 +182,7 @@ class _Sink:
             whole = self._noise.whiten(self._channel, self._decimate(np.concatenate(self._waiting)))
             self.rows[self._filled : self._filled + len(whole)] = whole
             self._filled += len(whole)
+            self._count = 0
             self._waiting.clear()
 
 
