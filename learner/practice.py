@@ -20,6 +20,7 @@ from learner.kinematics import Kinematics
 from learner.linearisation import LinearArm, linearise
 from learner.operators import LearningOperator
 from learner.repeatability import Repeatability, repeatability
+from learner.rests import moving_weight, slow_share, speed_weight
 from learner.trial import Reference, Timing, Trial
 from learner.trial_filter import Surprise, TrialFilter, noise_of
 
@@ -27,10 +28,6 @@ Array = NDArray[np.float64]
 DISAGREEMENT = 1.5
 """Observed error over the predicted one, from which on the model is said to lack something."""
 INSTANTS = 16
-SLOW_SHARE = 0.1
-"""Of a joint's fastest speed, below which it may stick."""
-RAMP_S = 0.05
-"""Within which a trial tells less and less of what the arm needs at rest."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,8 @@ class Lesson:
     learnt: bool
     """False when the trial told of a changed arm."""
     at_repeatability: bool
+    slow_share: Array
+    """Of the velocity error's power, what lies where the joint is slow (`learner.rests.SLOW_SHARE`)."""
 
 
 class Update(Protocol):
@@ -155,8 +154,8 @@ class Practice:
             # One trial is all that this update ever looks at.
             self.update = GainOne(self._frequency, scatter + counting, min(hand_picked_hz, band))
             first, repeats = measured[-1], 1
-        self._telling = _moving_weight(reference)
-        self._in_motion = _speed_weight(reference)
+        self._telling = moving_weight(reference)
+        self._in_motion = speed_weight(reference)
         self._lacked = self.update.expect(first, repeats)
         self.update.take(first, repeats)
         self._watch = ChangeWatch(self._frequency, len(replays), band, to_lines(self.update.correction))
@@ -167,7 +166,9 @@ class Practice:
         self.near_in_a_row = 0
         rms = np.sqrt(np.mean([t.velocity_error_rms(reference) ** 2 for t in replays], axis=0))
         peak = np.max([t.position_error_peak(reference) for t in replays], axis=0)
-        self.lessons: list[Lesson] = [Lesson(rms, peak, self._predicted, (), True, self._near(rms))]
+        self.lessons: list[Lesson] = [
+            Lesson(rms, peak, self._predicted, (), True, self._near(rms), slow_share(replays, reference))
+        ]
         self._renew()
 
     @property
@@ -187,6 +188,17 @@ class Practice:
         ratios = [(lesson.velocity_error_rms / self.repeatability.velocity).max() for lesson in self.lessons]
         return int(np.argmin(ratios))
 
+    def left(self, names: Sequence[str]) -> tuple[str, ...]:
+        """A sentence for each joint whose last error can be told from repeatability: how much, and where."""
+        last = self.lessons[-1]
+        ratio = last.velocity_error_rms / self.repeatability.velocity
+        return tuple(
+            f"{name} is at {ratio[i]:.3g} times its repeatability, {100.0 * last.slow_share[i]:.0f} % of the error's "
+            "power where it lets go and comes to rest"
+            for i, name in enumerate(names)
+            if last.velocity_error_rms[i] > self.repeatability.bound[i]
+        )
+
     def take(self, trial: Trial, names: Sequence[str]) -> Lesson:
         """Learn from one trial of the present feedforward; ``names`` of the joints, for sentences.
 
@@ -205,7 +217,8 @@ class Practice:
         self.changed_in_a_row = 0 if learnt else self.changed_in_a_row + 1
         near = self._near(rms)
         self.near_in_a_row = self.near_in_a_row + 1 if near else 0
-        lesson = Lesson(rms, trial.position_error_peak(reference), self._predicted, findings, learnt, near)
+        peak, slow = trial.position_error_peak(reference), slow_share([trial], reference)
+        lesson = Lesson(rms, peak, self._predicted, findings, learnt, near, slow)
         self.lessons.append(lesson)
         if learnt:
             self.update.take(needed)
@@ -265,22 +278,3 @@ class Practice:
                     "model lacks something that this motion shows (etude diagnose names it)"
                 )
         return tuple(told)
-
-
-def _speed_weight(reference: Reference) -> Array:
-    """(samples, n): one where a joint is on its way, falling to zero where it comes to rest and leaves it.
-
-    There a joint with friction sticks and lets go, at another moment for the slightest change of the command: what
-    differs there says nothing of another arm. A joint that is to stand still throughout counts throughout.
-    """
-    speed = np.abs(reference.dq)
-    fastest = speed.max(axis=0)
-    return np.where(fastest > 0.0, np.minimum(speed / np.maximum(SLOW_SHARE * fastest, 1e-12), 1.0), 1.0)
-
-
-def _moving_weight(reference: Reference) -> Array:
-    """(samples, 1): one where the motion is, falling to zero over `RAMP_S` of the rests around it."""
-    start, stop, _ = reference.moving.indices(reference.samples)
-    k = np.arange(reference.samples)
-    away = np.maximum(np.maximum(start - k, k - (stop - 1)), 0) * reference.period / RAMP_S
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.minimum(away, 1.0)))[:, None]

@@ -76,6 +76,7 @@ def practice_answer(
             {
                 "velocity_error_rms": by_joint(lesson.velocity_error_rms),
                 "position_error_peak": by_joint(lesson.position_error_peak),
+                "slow_share": by_joint(lesson.slow_share),
                 "predicted_rms": by_joint(lesson.predicted_rms),
                 "learnt": lesson.learnt,
                 "findings": list(lesson.findings),

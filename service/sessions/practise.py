@@ -92,7 +92,8 @@ class Practise:
         await asyncio.to_thread(
             plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
         )
-        answer = practice_answer(self._course, practice, names, stopped or "all trials were played", lag)
+        stopped = stopped or "; ".join(["all trials were played", *practice.left(names)])
+        answer = practice_answer(self._course, practice, names, stopped, lag)
         taught = await asyncio.to_thread(self._taught, practice)
         return {
             "session": session.id,

@@ -125,6 +125,16 @@ def test_a_joint_that_sticks_comes_to_its_repeatability(practice: Practice) -> N
     assert (told[1:] < told[0]).all()
     peaks = [float(x.position_error_peak[0]) for x in practice.lessons]
     assert peaks[-1] < 0.25 * peaks[0]
+    assert not practice.left(["joint"])
+
+
+def test_what_is_left_is_told_with_its_place() -> None:
+    """Before anything was learnt the joint is late where it lets go, and early where it comes to rest."""
+    practice = practised(Model(0.0), 0)
+    assert practice.lessons[0].slow_share > 0.5
+    (sentence,) = practice.left(["joint"])
+    assert "times its repeatability" in sentence
+    assert "where it lets go" in sentence
 
 
 def test_friction_by_the_measured_speed_drives_a_stuck_joint_too_far(practice: Practice) -> None:
