@@ -54,7 +54,7 @@ class ToolPoint:
         if missed > REACHED_M:
             raise InputError(
                 "point_m",
-                f"the tool comes within {1e3 * missed:.3g} mm of it at best, near the given start and end",
+                f"the tool comes within {missed:.3g} m of it at best, near the given start and end",
                 "choose a point within reach",
             )
         return np.asarray(found)

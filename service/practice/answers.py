@@ -98,6 +98,8 @@ def practice_report(answer: dict[str, Any]) -> list[RenderableType]:
         name = f"model's feedforward, {answer['replays']} replays" if k == 0 else f"trial {k}"
         table.add_row(name, *(f"{errors[j]:.4g}" for j in joints), f"{worst:.2f}", "; ".join(trial["findings"]))
     table.add_row("repeatability", *(f"{answer['repeatability'][j]:.4g}" for j in joints), "1.00", "")
+    if any(answer["counting"].values()):
+        table.add_row("of it by encoders' counts", *(f"{answer['counting'][j]:.4g}" for j in joints), "", "")
     certificate = answer["certificate"]
     return [
         f"{answer['motion']} in {answer['mode']}, {answer['operator']} operator, by {answer['model']}",

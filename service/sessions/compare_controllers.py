@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict
 from config import Installation
 from config.motion import check_motion, load_motion, sample
 from driver.recording import read_recording
+from estimator.export import model_urdf
 from learner.trial import Reference
-from service.models.store import model_path
 from service.practice.controllers import FULL_DYNAMICS, Variant, variants
 from service.practice.inverse_models import load_inverse_model
 from service.practice.planning import command_delay
@@ -50,9 +50,8 @@ class CompareControllers:
         self._motion = sample(motion, installation.cycle.rate_hz)
         check_motion(self._motion, installation, motion.name)
         self._model = load_inverse_model(arguments.model, installation)
-        # Identified links leave the bodies that come nearest to them beside the model.
-        beside = None if arguments.model is None else model_path(arguments.model).with_suffix(".urdf")
-        urdf = beside.read_text() if beside is not None and beside.is_file() else None
+        # Computed torque looks at a URDF: the bodies that come nearest to the model's.
+        urdf = None if arguments.model is None else model_urdf(self._model.model)
         self._variants = [
             v for v in variants(self._motion, self._model, urdf, installation) if v.plan.mode in installation.modes
         ]

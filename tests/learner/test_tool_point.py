@@ -36,7 +36,7 @@ def test_by_hand(tool: ToolPoint) -> None:
 
 
 def test_a_point_out_of_reach_is_refused(tool: ToolPoint) -> None:
-    with pytest.raises(InputError, match=r"comes within .* mm of it at best"):
+    with pytest.raises(InputError, match=r"comes within .* m of it at best"):
         tool.angles(np.array([2.0, 0.0, 1.0]), np.array([3.0, 2.5, 1.5]), LIMITS)
     installation = load_installation("dda")
     with pytest.raises(InputError, match="no frame"):
