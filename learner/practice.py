@@ -189,12 +189,11 @@ class Practice:
         return int(np.argmin(ratios))
 
     def left(self, names: Sequence[str]) -> tuple[str, ...]:
-        """A sentence for each joint whose last error can be told from repeatability: how much, and where."""
+        """Each joint whose last error can be told from repeatability: times it, and where the error lies."""
         last = self.lessons[-1]
         ratio = last.velocity_error_rms / self.repeatability.velocity
         return tuple(
-            f"{name} is at {ratio[i]:.3g} times its repeatability, {100.0 * last.slow_share[i]:.0f} % of the error's "
-            "power where it lets go and comes to rest"
+            f"{name} {ratio[i]:.2f} × ({100.0 * last.slow_share[i]:.0f} %)"
             for i, name in enumerate(names)
             if last.velocity_error_rms[i] > self.repeatability.bound[i]
         )

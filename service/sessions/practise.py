@@ -92,7 +92,7 @@ class Practise:
         await asyncio.to_thread(
             plot_practice, plot, self._course.practised.name, names, practice, self._task, self._course.certificate
         )
-        stopped = stopped or "; ".join(["all trials were played", *practice.left(names)])
+        stopped = stopped or _played_to_the_end(practice.left(names))
         answer = practice_answer(self._course, practice, names, stopped, lag)
         taught = await asyncio.to_thread(self._taught, practice)
         return {
@@ -182,6 +182,15 @@ class Practise:
         trial = trial_of(recording, self._task.reference, self._delay, str(recording.path))
         band = self._task.certificate.band_hz
         return from_angles(trial, self._task.reference, ~self._course.practised.velocity_measured, band)
+
+
+def _played_to_the_end(left: tuple[str, ...]) -> str:
+    if not left:
+        return "all trials were played"
+    return (
+        "all trials were played; above repeatability (and the share of the error's power where the joint lets go and "
+        f"comes to rest): {', '.join(left)}"
+    )
 
 
 def _reason_to_stop(practice: Practice) -> str | None:
