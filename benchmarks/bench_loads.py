@@ -1,32 +1,34 @@
 """Tables 3.1 and 3.2 of the thesis again: loads on the stand-in arms' wrists, identified from what came over the wire.
 
 The block of Table 3.1 in its four places on the PUMA, at rest in six poses and in the two-second motion; the bar of
-Table 3.2 on the PUMA in that motion and in special test movements, and on the direct drive arm.
+Table 3.2 on the PUMA in that motion and in special test movements, and on the direct drive arm. Then chapter 3's own
+least squares, differentiated and integrated, beside the optimal filter on the same recordings; each with other noise,
+since one recording does not tell which is better.
 """
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.chapter3 import plain_estimate
 from benchmarks.figure import Figure
-from config import load_installation
-from service.daemon.client import DaemonClient
+from benchmarks.loaded_arm import BAR, BLOCK, CENTRE, MASS, recorded
+from estimator.loads import RigidLoad, identify_load, rigid_load
+from estimator.loads.rows import Form
+from service.identification.load_sources import read_load_sources, with_wrench
 from service.identification.loads import LoadOutcome, identify
 from service.identification.request import LoadForm, LoadRequest
-from service.supervision import SupervisedProcess
 
-MASS = 1.106
-CENTRE = (0.001, 0.0, 0.047)
-BLOCK = (0.0023785, 0.0, 0.0, 0.0004757, 0.0, 0.0023785)
-BAR = (0.0244, 0.0, 0.0, 0.0007, 0.0, 0.0242)
+Array = NDArray[np.float64]
+
 TABLE_3_1 = (
     (0.037, 1.103, 0.037, 1.067, 0.039),
     (-0.043, 1.107, -0.043, 1.084, -0.042),
@@ -40,16 +42,21 @@ TABLE_3_2 = {
     "DDA, all joints": (0.0230, 0.0006, 0.0005, -0.0002, -0.0002, 0.0241),
 }
 """kg·m²: 11, 12, 13, 22, 23, 33 as the thesis estimated them."""
-READY_S = 60.0
+CUT_OFF_HZ = {"puma600": 33.0, "dda": 30.0}
+"""Chapter 3's, for differentiation."""
+WAYS: tuple[tuple[str, Form | None], ...] = (
+    ("differentiated", "differentiated"),
+    ("integrated", "integrated"),
+    ("optimally filtered", None),
+)
 
 
 def measure() -> list[Figure]:
-    """Prints both tables beside the thesis'; the figures are the largest errors."""
-    with tempfile.TemporaryDirectory(prefix="etude-loads-") as folder:
-        places = [0.0, *(row[0] for row in TABLE_3_1)]
-        block = [_identified(Path(folder) / f"block{k}", "puma600", y, BLOCK) for k, y in enumerate(places)]
-        puma = _identified(Path(folder) / "bar-puma", "puma600", 0.0, BAR)
-        dda = _identified(Path(folder) / "bar-dda", "dda", 0.0, BAR)
+    """Prints the tables beside the thesis'; the figures are the largest errors."""
+    places = [0.0, *(row[0] for row in TABLE_3_1)]
+    block = [_identified("puma600", y, BLOCK, seed) for seed, y in enumerate(places)]
+    puma = _identified("puma600", 0.0, BAR, len(places))
+    dda = _identified("dda", 0.0, BAR, 0)
     console = Console(width=150, markup=False)
     console.print(_table_3_1(block))
     inertias = {
@@ -59,7 +66,63 @@ def measure() -> list[Figure]:
         "DDA, all motions": dda["all"],
     }
     console.print(_table_3_2(inertias))
-    return _figures(block, inertias)
+    compared = [
+        Compared("puma600", "-load", [(y, BLOCK) for y in places], range(len(places))),
+        Compared("puma600", "-load-test", [(y, BLOCK) for y in places], range(len(places))),
+        Compared("dda", "-load", [(0.0, BAR)], range(1)),
+    ]
+    errors = [c.errors() for c in compared]
+    console.print(_ways(compared, errors))
+    return [*_figures(block, inertias), *_better(compared, errors)]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One motion of one arm with each of these true loads, each with the noise of its seed."""
+
+    arm: str
+    motion: str
+    loads: Sequence[tuple[float, tuple[float, ...]]]
+    seeds: Sequence[int]
+
+    def errors(self) -> Array:
+        """(ways, 3): rms over the recordings of the errors of mass kg, centre m, inertia kg·m²."""
+        squares = []
+        for (y, inertia), seed in zip(self.loads, self.seeds, strict=True):
+            path = recorded(self.arm, inertia, y, seed=seed)[self.motion]
+            read = read_load_sources(LoadRequest((path,), path.parent), (path,))
+            recording = [with_wrench(read, 0)]
+            found = [
+                identify_load(read.body, read.frame, recording).load
+                if form is None
+                else plain_estimate(read.body, read.frame, recording, form, CUT_OFF_HZ[self.arm])
+                for _, form in WAYS
+            ]
+            squares.append([_squares(load, y, inertia) for load in found])
+        return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+
+
+def _squares(load: RigidLoad, y: float, inertia: tuple[float, ...]) -> list[float]:
+    true = rigid_load(MASS, np.array(CENTRE) + [0.0, y, 0.0], np.array(inertia))
+    pairs = ((load.mass, true.mass), (load.centre, true.centre), (load.inertia, true.inertia))
+    return [float(np.mean((found.value - right.value) ** 2)) for found, right in pairs]
+
+
+def _ways(compared: Sequence[Compared], errors: Sequence[Array]) -> Table:
+    table = Table(title="One motion, rms errors: chapter 3 and optimal filters", title_justify="left", box=None)
+    for heading in ("", "recordings", *(f"{way}: g, mm, g·m²" for way, _ in WAYS)):
+        table.add_column(heading, justify="right" if heading else "left")
+    for c, error in zip(compared, errors, strict=True):
+        cells = [", ".join(f"{1e3 * x:.2f}" for x in row) for row in error]
+        table.add_row(f"{c.arm}{c.motion}", str(len(c.loads)), *cells)
+    return table
+
+
+def _better(compared: Sequence[Compared], errors: Sequence[Array]) -> list[Figure]:
+    return [
+        Figure(f"load_inertia_{c.arm}{c.motion}_optimal", 1e3 * e[2, 2], "g·m²", "differentiated", 1e3 * e[0, 2])
+        for c, e in zip(compared, errors, strict=True)
+    ]
 
 
 def _figures(block: Sequence[dict[str, LoadOutcome]], inertias: dict[str, LoadOutcome]) -> list[Figure]:
@@ -82,49 +145,20 @@ def _figures(block: Sequence[dict[str, LoadOutcome]], inertias: dict[str, LoadOu
     return figures
 
 
-def _identified(folder: Path, arm: str, shift_y: float, inertia: Sequence[float]) -> dict[str, LoadOutcome]:
+def _identified(arm: str, shift_y: float, inertia: tuple[float, ...], seed: int) -> dict[str, LoadOutcome]:
     """The load of Table 3.1's mass on that arm: by rests, by the motion of chapter 3, by special movements, by all."""
-    folder.mkdir()
-    hidden = folder / "hidden.toml"
-    x, y, z = CENTRE
-    hidden.write_text(
-        f'extends = "{"dda-block" if arm == "dda" else arm}"\n[payload]\nmass_kg = {MASS}\n'
-        f"centre_m = [{x}, {y + shift_y}, {z}]\ninertia_kg_m2 = {list(inertia)}\n"
-    )
-    motions = load_installation(arm).arm.load_identification_motions
-    with _brought_up(folder, arm, hidden) as daemon:
-        paths = [Path(daemon.call("run", {"motion": motion})["recording"]) for motion in motions]
-    by_name = {path.stem: path for path in paths}
+    by_name = recorded(arm, inertia, shift_y, seed=seed)
 
     def of(form: LoadForm, *names: str) -> LoadOutcome:
-        chosen = tuple(by_name[f"{arm}-load{name}"] for name in names)
-        return identify(LoadRequest(chosen, folder / "-".join((form, *names)), form=form))
+        with tempfile.TemporaryDirectory(prefix="etude-load-") as folder:
+            return identify(LoadRequest(tuple(by_name[name] for name in names), Path(folder), form=form))
 
     return {
-        "static": of("static", "-poses"),
-        "dynamic": of("differentiated", ""),
-        "special": of("differentiated", "-test"),
-        "all": of("differentiated", "-poses", "", "-test"),
+        "static": of("static", "-load-poses"),
+        "dynamic": of("differentiated", "-load"),
+        "special": of("differentiated", "-load-test"),
+        "all": of("differentiated", *by_name),
     }
-
-
-@contextmanager
-def _brought_up(folder: Path, arm: str, hidden: Path) -> Iterator[DaemonClient]:
-    # Sockets need a short path.
-    with tempfile.TemporaryDirectory(prefix="etude-") as run:
-        places = {"ETUDE_RUN": run, "ETUDE_STATE": str(folder)}
-        config = str(load_installation(arm).path)
-        running = []
-        try:
-            for command in (["virtual", "--hidden", str(hidden)], ["daemon"]):
-                process = SupervisedProcess([*command, "--config", config, "--lockstep"], {**os.environ, **places})
-                running.append(process)
-                process.wait_ready(READY_S)
-            with DaemonClient(Path(run), arm) as daemon:
-                yield daemon
-        finally:
-            for process in reversed(running):
-                process.stop()
 
 
 def _table_3_1(block: Sequence[dict[str, LoadOutcome]]) -> Table:

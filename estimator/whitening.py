@@ -24,10 +24,17 @@ def white_weight(variance: float) -> Array:
 def whitening_weight(autocovariance: Array, rows: int) -> Array:
     """Weight (LAGS,) on lagged sums that stands for whitening both sides by the residual's autoregressive model.
 
-    ``autocovariance`` (LAGS,) of the residual. With the whitening filter a, the whitened sums are
-    r(0)·D_0 + Σ r(m)·(D_m + D_mᵀ), r the autocorrelation of a over the innovation's variance: no data are needed again.
+    ``autocovariance`` (LAGS,) of the residual, of the highest order that its ``rows`` carry.
     """
-    order = min(LAGS - 1, rows // _ROWS_A_COEFFICIENT)
+    return weight_of_order(autocovariance, min(LAGS - 1, rows // _ROWS_A_COEFFICIENT))
+
+
+def weight_of_order(autocovariance: Array, order: int) -> Array:
+    """The same for the autoregressive model of that ``order``, below LAGS.
+
+    With the whitening filter a, the whitened sums are r(0)·D_0 + Σ r(m)·(D_m + D_mᵀ), r the autocorrelation of a over
+    the innovation's variance: no data are needed again.
+    """
     if order == 0 or autocovariance[0] <= 0.0:
         return white_weight(max(float(autocovariance[0]), np.finfo(float).tiny))
     # A slight white floor keeps the recursion stable when the residual is almost a pure tone.

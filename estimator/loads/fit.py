@@ -12,7 +12,7 @@ from scipy.linalg import solve_toeplitz
 from estimator.loads.layout import LoadLayout
 from estimator.normal_equations import NormalEquations, excited
 from estimator.sums import LAGS, Batch, Sums
-from estimator.whitening import white_weight, whitening_weight
+from estimator.whitening import weight_of_order, white_weight
 
 Array = NDArray[np.float64]
 
@@ -20,9 +20,10 @@ _EXCITED = 1e-8
 """Share of a column's energy (amplitude 1e-4) that no other column may explain away."""
 _TOLD = 1e-3
 """Part of a parameter that may lie in a direction the motion does not show."""
-_REWEIGHTINGS = 4
-_ROWS_A_COEFFICIENT = 40
-"""As in `estimator.whitening`."""
+_REWEIGHTINGS = 30
+_SETTLED = 1e-3
+_ROWS_A_COEFFICIENT = 12
+"""Rows that must stand behind each autoregressive coefficient; whether there are as many, the noise tells."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,16 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     plain = weighted_equations(layout, sums, weights, believed)
     chosen = excited(plain, layout.size, _EXCITED)
     for _ in range(_REWEIGHTINGS):
-        unknowns = _solved(weighted_equations(layout, sums, weights, believed), chosen)
-        autocovariance = _residual_autocovariance(layout, sums, unknowns, rows)
-        fitted = len(chosen) / len(layout.channels)
-        inflated = autocovariance * (rows / np.maximum(1.0, rows - fitted))[:, None]
-        inflated[:, 0] = np.maximum(inflated[:, 0], 1e-24 * power + np.finfo(float).tiny)
-        orders = [_order(row, int(count)) for row, count in zip(inflated, rows, strict=True)]
-        weights = np.array([_weight(row, order) for row, order in zip(inflated, orders, strict=True)])
+        equations = weighted_equations(layout, sums, weights, believed)
+        unknowns = _solved(equations, chosen)
+        spread = np.zeros((layout.size, layout.size))
+        spread[np.ix_(chosen, chosen)] = _inverse_information(equations.of(chosen))
+        noise = _noise_autocovariance(layout, sums, unknowns, spread, rows)
+        noise[:, 0] = np.maximum(noise[:, 0], 1e-24 * power + np.finfo(float).tiny)
+        orders, before = _orders(layout, noise, rows), weights
+        weights = np.array([weight_of_order(row, order) for row, order in zip(noise, orders, strict=True)])
+        if np.allclose(weights[:, 0], before[:, 0], rtol=_SETTLED, atol=0.0):
+            break
     equations = weighted_equations(layout, sums, weights, believed)
     unknowns = _solved(equations, chosen)
     told = _told(plain)
@@ -84,9 +88,8 @@ def fit_load(layout: LoadLayout, sums: Sums, believed: Sequence[Believed] = ()) 
     autocovariance = _residual_autocovariance(layout, sums, unknowns, rows)
     degrees = max(1.0, float(rows.max()) - len(chosen) / len(layout.channels))
     # A spectrum from an autoregressive model of order p over N rows is as sure as a variance from N/2p values.
-    degrees = min(
-        [degrees, *(float(count) / (2.0 * order) for order, count in zip(orders, rows, strict=True) if order)]
-    )
+    shared = [(orders[group[0]], float(rows[group].sum())) for group in layout.alike]
+    degrees = min([degrees, *(count / (2.0 * order) for order, count in shared if order)])
     return LoadFit(value, covariance, degrees, told, unknowns, autocovariance, power, weights, chosen)
 
 
@@ -117,25 +120,28 @@ def _solved(equations: NormalEquations, chosen: list[int]) -> Array:
     return result
 
 
+def _orders(layout: LoadLayout, noise: Array, rows: Array) -> list[int]:
+    """Autoregressive order of each channel's noise; where channels are `alike`, ``noise`` gets one colour, in place."""
+    result = [0] * len(noise)
+    for group in layout.alike:
+        noise[group] = noise[group, :1] * np.mean(noise[group] / noise[group, :1], axis=0)
+        for k in group:
+            result[k] = _order(noise[k], int(rows[group].sum()))
+    return result
+
+
 def _order(autocovariance: Array, rows: int) -> int:
-    """Autoregressive order by the Bayesian information criterion: a model too rich makes errors look too small."""
+    """By Akaike's criterion: noise that is coloured a little more than it seems costs more than a coefficient."""
     best, order = rows * np.log(autocovariance[0]), 0
     for p in range(1, min(LAGS - 1, rows // _ROWS_A_COEFFICIENT) + 1):
         column = autocovariance[:p].copy()
         column[0] *= 1.0 + 1e-6
         explained = solve_toeplitz(column, autocovariance[1 : p + 1]) @ autocovariance[1 : p + 1]
         innovation = max(float(autocovariance[0] - explained), 1e-6 * float(autocovariance[0]))
-        score = rows * np.log(innovation) + p * np.log(rows)
+        score = rows * np.log(innovation) + 2.0 * p
         if score < best:
             best, order = score, p
     return order
-
-
-def _weight(autocovariance: Array, order: int) -> Array:
-    """`whitening_weight` of this very order."""
-    if order == 0:
-        return white_weight(float(autocovariance[0]))
-    return whitening_weight(autocovariance, order * _ROWS_A_COEFFICIENT)
 
 
 def _inverse_information(equations: NormalEquations) -> Array:
@@ -168,6 +174,23 @@ def _residual_autocovariance(layout: LoadLayout, sums: Sums, unknowns: Array, ro
 
 def _total(batches: list[Batch], k: int) -> Array:
     return np.asarray(np.sum([batch.lagged[k] for batch in batches], axis=0))
+
+
+def _noise_autocovariance(layout: LoadLayout, sums: Sums, unknowns: Array, spread: Array, rows: Array) -> Array:
+    """(channels, LAGS) that is expected of the noise: the residual's, and what the unknowns have taken out of it.
+
+    ``spread``: covariance of the unknowns under the present weights. Its share X·spread·Xᵀ is largest where the motion
+    is, and slow noise hides there: without it the errors of short recordings would look too small. Iterated, this is
+    restricted maximum likelihood by expectation and maximisation (Dempster, Laird and Rubin, 1977).
+    """
+    result = _residual_autocovariance(layout, sums, unknowns, rows)
+    for k in range(len(layout.channels)):
+        mine = layout.unknowns(k)
+        p = len(mine)
+        taken = np.einsum("lab,ab->l", _total(sums.batches, k)[:, :p, :p], spread[np.ix_(mine, mine)]) / rows[k]
+        taken[1:] /= 2.0
+        result[k] += taken
+    return result
 
 
 def _last(sums: Sums, k: int, lag: int) -> float:

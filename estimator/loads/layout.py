@@ -37,6 +37,14 @@ class LoadLayout:
         return self.common + len(self.kinds) * len(self.channels)
 
     @property
+    def alike(self) -> list[list[int]]:
+        """Groups of fitted channels with noise of one colour: a wrist sensor's forces, its torques; others alone."""
+        if self.labels is not CHANNELS:
+            return [[k] for k in range(len(self.channels))]
+        groups = [[k for k, c in enumerate(self.channels) if (c < 3) == force] for force in (True, False)]
+        return [group for group in groups if group]
+
+    @property
     def offset_of_each(self) -> bool:
         """Whether every recording has an offset of its own."""
         return "offset 0" in self.kinds

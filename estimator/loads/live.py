@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.filtering import plan_filter, smooth_motion
 from estimator.loads.frame_motion import frame_motion
+from estimator.loads.known import KnownLoads
 from estimator.loads.parameters import Measured, RigidLoad
 from estimator.loads.recursive import RecursiveLoad
 from estimator.loads.wrench_regressor import wrench_regressor
@@ -31,16 +34,16 @@ _UNKNOWN = np.array([20.0, *[5.0] * 3, *[2.0] * 6])
 class LiveLoad:
     """Recursive estimate of load and offsets, a filter's length (a fifth of a second) behind the samples.
 
-    ``rate`` Hz of the samples; ``sensor_range`` (6,) N, N·m, within which the offsets may lie; ``prior`` what is known
-    of the load beforehand. The sensor's delay is not known here, so a finished recording tells more
-    (`estimator.loads.identify_load`).
+    ``rate`` Hz of the samples; ``sensor_range`` (6,) N, N·m, within which the offsets may lie; ``known`` loads that it
+    may be: as soon as the samples tell that it is one of them, that one is the prior (`estimator.loads.known`). The
+    sensor's delay is not known here, so a finished recording tells more (`estimator.loads.identify_load`).
     """
 
     def __init__(
-        self, body: RigidBody, frame: str, rate: float, sensor_range: Array, prior: RigidLoad | None = None
+        self, body: RigidBody, frame: str, rate: float, sensor_range: Array, known: Sequence[RigidLoad] = ()
     ) -> None:
         self._body, self._frame, self._range = body, frame, np.asarray(sensor_range, dtype=float)
-        self._prior = RigidLoad(np.zeros(10), np.diag(_UNKNOWN**2)) if prior is None else prior
+        self._known = KnownLoads(known)
         self._plan = plan_filter(rate, _BAND, flat=_FLAT)
         self._block = self._plan.stride * self._plan.decimation
         self._kept: list[Array] = []
@@ -64,8 +67,9 @@ class LiveLoad:
                 del self._kept[: self._block]
 
     @property
-    def load(self) -> RigidLoad | None:
-        """As known now, with errors widened by what the rows miss the model beyond noise; None before the first."""
+    def weighed(self) -> RigidLoad | None:
+        """By the samples alone, with errors widened by what the rows miss the model beyond noise; None before the
+        first."""
         if self._filter is None:
             return None
         found = self._filter.load
@@ -73,12 +77,24 @@ class LiveLoad:
         return RigidLoad(found.parameters, found.covariance * widened)
 
     @property
+    def load(self) -> RigidLoad | None:
+        """As known now, of the name of the known load that it is; one that is none of them is called ``load``. None
+        before the first samples."""
+        weighed = self.weighed
+        return None if weighed is None else self._known.as_prior_of(weighed) or weighed
+
+    @property
+    def recognised(self) -> str | None:
+        """The name of the known load that it is; None where it is none of them, or not told yet."""
+        weighed = self.weighed
+        prior = None if weighed is None else self._known.as_prior_of(weighed)
+        return None if prior is None else prior.name
+
+    @property
     def mass(self) -> Measured | None:
         """kg; None where the motion has not told it yet: its error is no tenth of what it was beforehand."""
         load = self.load
-        if load is None or load.covariance[0, 0] > 0.01 * self._prior.covariance[0, 0]:
-            return None
-        return load.mass
+        return None if load is None or load.covariance[0, 0] > 0.01 * _UNKNOWN[0] ** 2 else load.mass
 
     def _row(self, samples: Array) -> None:
         n, edge = self._body.n, self._plan.edge
@@ -102,7 +118,8 @@ class LiveLoad:
 
     def _begin(self) -> None:
         noise = np.maximum(np.median([x[2] for x in self._first], axis=0), _LEAST_NOISE * self._range)
-        self._filter = RecursiveLoad(self._prior, noise, offset_error=self._range)
+        unknown = RigidLoad(np.zeros(10), np.diag(_UNKNOWN**2))
+        self._filter = RecursiveLoad(unknown, noise, offset_error=self._range)
         for regressor, wrench, _ in self._first:
             self._update(regressor, wrench)
         self._first.clear()

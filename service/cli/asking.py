@@ -167,7 +167,8 @@ def _shown(status: dict[str, Any]) -> list[Any]:
 
 def _mass(load: dict[str, Any]) -> str:
     mass = load["mass"]
-    return f"{mass['value']:.3f} ± {mass['standard_error']:.3f} {mass['unit']}"
+    named = f" ({load['name']})" if load["name"] else ""
+    return f"{mass['value']:.3f} ± {mass['standard_error']:.3f} {mass['unit']}{named}"
 
 
 def _figure(value: float | None) -> str:

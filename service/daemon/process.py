@@ -58,7 +58,7 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
         stack.push_async_callback(asyncio.to_thread, loop.close)
         recorder = await asyncio.to_thread(StandingRecorder, installation, ring, store.directory)
         stack.push_async_callback(asyncio.to_thread, recorder.close)
-        moving = MovingArm(installation, loop, recorder, ring)
+        moving = MovingArm(installation, loop, recorder, ring, store.directory)
         stack.push_async_callback(asyncio.to_thread, moving.close)
         conductor = Conductor(moving, store)
         server = Server(commands_of(conductor), control_socket(run_directory(), arm), look_socket(run_directory(), arm))

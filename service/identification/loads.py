@@ -30,7 +30,7 @@ from service.identification.load_file import read_one_load, write_load
 from service.identification.load_judgement import judged
 from service.identification.load_sources import LoadSources, read_load_sources, tare_of, with_wrench
 from service.identification.load_torques import from_torques
-from service.identification.request import LoadRequest
+from service.identification.request import LOAD_FILE, LoadRequest
 from service.reports.load_plot import plot_wrenches
 
 Tell = Callable[[str, float], None]
@@ -70,7 +70,7 @@ def identify(request: LoadRequest, tell: Tell = lambda stage, share: None) -> Lo
         raise InputError(str(request.directory), f"cannot be made ({error.strerror})", "choose another --out") from None
     found = from_torques(request, read) if request.without else _from_wrenches(request, read)
     tell("writing the load and the plot", 0.9)
-    file = request.directory / "load.toml"
+    file = request.directory / LOAD_FILE
     write_load(file, read.arm.name, read.frame, found.load, read.sources[: len(request.recordings)])
     answer = {
         "arm": read.arm.name,

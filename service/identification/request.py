@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+LOAD_FILE = "load.toml"
+"""In an identification's directory: the load it found."""
 EstimatorName = Literal[
     "optimal_filter",
     "least_squares",

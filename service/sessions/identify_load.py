@@ -69,7 +69,9 @@ class IdentifyLoad:
         return self._asked.model_dump(mode="json")
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
-        paths = await play_recorded(moving, session, self._plans, part(tell, 0.0, PLAYING_SHARE), follow_load=True)
+        known = [path for path in (self._asked.library, self._asked.expect) if path is not None]
+        playing = part(tell, 0.0, PLAYING_SHARE)
+        paths = await play_recorded(moving, session, self._plans, playing, follow_load=True, known_loads=known)
         live = moving.load_now
         tell("estimating", PLAYING_SHARE)
         asked = self._asked

@@ -17,7 +17,7 @@ from config.schema import Mode
 from driver.arm import ArmLoop
 from driver.plan import Plan
 from service.outcomes import ArmStopped
-from service.sessions.live_load import LiveLoadProcess
+from service.sessions.live_load import LiveLoadProcess, last_identified
 from service.sessions.standing_recorder import StandingRecorder
 from service.sessions.store import Session
 
@@ -36,19 +36,23 @@ FOLLOWED_WITHIN_S = 20.0
 class MovingArm:
     """Moves the arm and records it for one session at a time. Blocking calls of the driver run in threads."""
 
-    def __init__(self, installation: Installation, loop: ArmLoop, recorder: StandingRecorder, ring_name: str) -> None:
+    def __init__(
+        self, installation: Installation, loop: ArmLoop, recorder: StandingRecorder, ring_name: str, sessions: Path
+    ) -> None:
         self.installation = installation
         self.loop = loop
         self.recorder = recorder
         self._ring_name = ring_name
+        self._sessions = sessions
         self._live_load: LiveLoadProcess | None = None
 
-    async def enable(self, mode: Mode) -> None:
-        """Enable all drives; the arm holds where it is. What could not be recorded is not begun: raises InputError
-        when the recorder is gone and no fresh one can be had."""
+    async def enable(self, mode: Mode, known_loads: Sequence[Path] = ()) -> None:
+        """Enable all drives; the arm holds where it is. ``known_loads``: files of what the wrist may carry, beside the
+        load that was identified last. What could not be recorded is not begun: raises InputError when the recorder is
+        gone and no fresh one can be had."""
         await asyncio.to_thread(self.recorder.revive)
         await asyncio.to_thread(self.loop.enable, mode)
-        await asyncio.to_thread(self._follow_the_load)
+        await asyncio.to_thread(self._follow_the_load, known_loads)
 
     @property
     def load_now(self) -> dict[str, Any] | None:
@@ -65,11 +69,12 @@ class MovingArm:
         if self._live_load is not None:
             self._live_load.close()
 
-    def _follow_the_load(self) -> None:
+    def _follow_the_load(self, known: Sequence[Path]) -> None:
         self.close()
         if self.installation.wrench_sensor:
             try:
-                self._live_load = LiveLoadProcess(self.installation, self._ring_name)
+                files = [*known, *last_identified(self._sessions)]
+                self._live_load = LiveLoadProcess(self.installation, self._ring_name, files)
             except OSError as error:
                 self._live_load = None
                 log.warning("what the wrist carries is not followed: no process could be started (%s)", error.strerror)

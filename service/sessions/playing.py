@@ -29,17 +29,23 @@ def planned(
 
 
 async def play_recorded(
-    moving: MovingArm, session: Session, plans: Sequence[Plan], tell: Tell, *, follow_load: bool = False
+    moving: MovingArm,
+    session: Session,
+    plans: Sequence[Plan],
+    tell: Tell,
+    *,
+    follow_load: bool = False,
+    known_loads: Sequence[Path] = (),
 ) -> list[Path]:
     """Recordings of these plans of one mode, one after the other; the drives are off before and after. With
-    ``follow_load`` the first begins only once the load is being followed.
+    ``follow_load`` the first begins only once the load is being followed; it may be one of the ``known_loads``.
 
     Raises ArmStopped when the arm stopped meanwhile.
     """
     if not plans:
         return []
     tell("enabling the drives", 0.0)
-    await moving.enable(plans[0].mode)
+    await moving.enable(plans[0].mode, known_loads)
     if follow_load:
         await moving.load_followed()
     paths = []
