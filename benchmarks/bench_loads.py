@@ -44,6 +44,8 @@ TABLE_3_2 = {
 """kg·m²: 11, 12, 13, 22, 23, 33 as the thesis estimated them."""
 CUT_OFF_HZ = {"puma600": 33.0, "dda": 30.0}
 """Chapter 3's, for differentiation."""
+SENSOR_SEED = 3
+"""Of the noise, with and without the sensor's give."""
 WAYS: tuple[tuple[str, Form | None], ...] = (
     ("differentiated", "differentiated"),
     ("integrated", "integrated"),
@@ -73,7 +75,15 @@ def measure() -> list[Figure]:
     ]
     errors = [c.errors() for c in compared]
     console.print(_ways(compared, errors))
-    return [*_figures(block, inertias), *_better(compared, errors)]
+    gives, stiff = (
+        _identified("dda", 0.0, BLOCK, SENSOR_SEED, compliant=compliant)["all"].load.mass for compliant in (True, False)
+    )
+    for sensor, mass in (("that gives at 35 Hz", gives), ("that does not", stiff)):
+        beyond, error = 1e3 * (float(mass.value) - MASS), 1e3 * float(mass.standard_error)
+        console.print(f"block on the DDA, on a sensor {sensor}: {beyond:+.2f} ± {error:.2f} g, in the same noise")
+    heavier = 1e3 * float(gives.value - stiff.value)
+    given = Figure("load_sensor_gives_mass", heavier, "g", "standard error", 1e3 * float(gives.standard_error))
+    return [*_figures(block, inertias), *_better(compared, errors), given]
 
 
 @dataclass(frozen=True)
@@ -145,9 +155,11 @@ def _figures(block: Sequence[dict[str, LoadOutcome]], inertias: dict[str, LoadOu
     return figures
 
 
-def _identified(arm: str, shift_y: float, inertia: tuple[float, ...], seed: int) -> dict[str, LoadOutcome]:
+def _identified(
+    arm: str, shift_y: float, inertia: tuple[float, ...], seed: int, *, compliant: bool = True
+) -> dict[str, LoadOutcome]:
     """The load of Table 3.1's mass on that arm: by rests, by the motion of chapter 3, by special movements, by all."""
-    by_name = recorded(arm, inertia, shift_y, seed=seed)
+    by_name = recorded(arm, inertia, shift_y, seed=seed, compliant=compliant)
 
     def of(form: LoadForm, *names: str) -> LoadOutcome:
         with tempfile.TemporaryDirectory(prefix="etude-load-") as folder:
