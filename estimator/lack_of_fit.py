@@ -3,7 +3,8 @@
 Of the residual over the playings of one motion the mean is what the model lacks (and a part of the noise), the scatter
 about the mean is noise alone. Without lack of fit their mean squares, each over its degrees of freedom, have a ratio
 of one with Fisher's distribution. Where it is larger, standard errors say how far the answer would scatter, not how far
-it is from the truth.
+it is from the truth. Errors of a coarse encoder's steps may be the same in all playings: they count as noise
+(`estimator.encoder_steps`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from estimator.column_noise import motion_noise_autocovariance
+from estimator.encoder_steps import step_errors_alike
 from estimator.identification import LackOfFit
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rows import Layout, trajectory_rows
@@ -35,6 +38,14 @@ class Playings:
     layout: Layout
     rows: tuple[tuple[list[list[Array]], Array], ...]
     """A motion: for each playing its rows (n arrays), and how many rows of each joint count (n,)."""
+    steps: list[Array] | None = None
+    """Of the columns' noise the part that playings have in common (`estimator.encoder_steps`); None for none."""
+
+    def alike(self, unknowns: Array) -> Array:
+        """(n,) N²·m²: mean square of what encoder steps put alike into the residuals of every playing."""
+        if self.steps is None:
+            return np.zeros(self.layout.body.n)
+        return motion_noise_autocovariance(self.layout, self.steps, unknowns)[:, 0]
 
     def residuals(self, unknowns: Array) -> list[tuple[Array, Array]]:
         """A motion: residuals (playings, rows, n) N·m at these unknowns (P,), and the count of each joint's rows."""
@@ -63,8 +74,13 @@ def find_playings(layout: Layout, trajectories: Sequence[Trajectory], band: floa
     span = max(_ENOUGH / len(trajectories), _LEAST)
     searched = [part_of(t, float(t.t[0]), float(t.t[0]) + span) for t in trajectories]
     plain = replace(layout, instruments=False)
-    found = [_rows(plain, searched, group, band) for group in find_repeats(searched)]
-    return Playings(layout, tuple(x for x in found if len(x[0]) > 1 and x[0][0][0].shape[1] >= _LEAST_ROWS))
+    groups = find_repeats(searched)
+    found = [_rows(plain, searched, group, band) for group in groups]
+    kept = tuple(x for x in found if len(x[0]) > 1 and x[0][0][0].shape[1] >= _LEAST_ROWS)
+    if not kept:
+        return Playings(layout, kept)
+    apart = np.sqrt(np.mean([group.mismatch**2 for group in groups], axis=0))
+    return Playings(layout, kept, step_errors_alike(plain, trajectories, band, apart))
 
 
 def lack_of_fit(playings: Playings, unknowns: Array, fitted: int, rows: int) -> tuple[LackOfFit, ...] | None:
@@ -101,9 +117,10 @@ def lack_of_fit(playings: Playings, unknowns: Array, fitted: int, rows: int) -> 
     bursts = np.maximum(fourth * judged / (3.0 * np.maximum(scatter * judged / between, tiny) ** 2), 1.0)
     fewer = 1.0 / (colour * bursts)
     noise = np.maximum(scatter / between, tiny)
-    ratio = mean / left / noise
+    alike = playings.alike(unknowns)
+    ratio = mean / left / (noise + alike * judged / free)
     p_values = np.asarray(fisher.sf(ratio, np.maximum(left * fewer, 1.0), np.maximum(between * fewer, 1.0)))
-    lacking = np.sqrt(np.maximum(mean - free * noise, 0.0) / judged)
+    lacking = np.sqrt(np.maximum(mean - free * noise - judged * alike, 0.0) / judged)
     return tuple(
         LackOfFit(float(ratio[j]), float(p_values[j]), float(lacking[j]), float(np.sqrt(noise[j])), total)
         for j in range(n)

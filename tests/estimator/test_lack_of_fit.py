@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator import LinkOptions, RigidBody, Trajectory, identify_links, inverse_dynamics
+from estimator.encoder_steps import encoder_steps
 
 Array = NDArray[np.float64]
 Motion = Callable[[int, float, float, int], tuple[Array, ...]]
@@ -46,6 +47,33 @@ def test_noise_alone_is_no_lack_of_fit(dda: RigidBody, make_periodic: Motion, co
     assert 0.0 <= np.mean(np.array(p_values) < 0.1) <= 0.21
     assert np.mean(np.array(p_values) < 0.01) < 0.05
     assert 0.35 < np.median(p_values) < 0.75
+
+
+def on_steps(recordings: list[Trajectory], counts: int) -> list[Trajectory]:
+    step = 2.0 * np.pi / counts
+    return [replace(r, q=np.round(r.q / step) * step) for r in recordings]
+
+
+def test_steps_of_a_coarse_encoder_are_no_lack_of_fit(dda: RigidBody, make_periodic: Motion) -> None:
+    """Playings that repeat to a hundredth of a step round alike."""
+    fired = []
+    for seed in range(8):
+        coarse = on_steps(repeated(dda, make_periodic, seed, 0.0), 4096)
+        found = identify_links(dda, coarse, VISCOUS)
+        assert found.lack_of_fit is not None
+        fired.append(found.withheld is not None)
+    assert sum(fired) <= 1
+    lacking = identify_links(dda, on_steps(repeated(dda, make_periodic, 1, 2.0), 4096), VISCOUS)
+    assert lacking.withheld is not None
+    assert "joint2" in lacking.withheld
+
+
+def test_the_step_of_an_encoder_is_found(dda: RigidBody, make_periodic: Motion) -> None:
+    fine = repeated(dda, make_periodic, 1, 0.0)
+    np.testing.assert_array_equal(encoder_steps(fine), 0.0)
+    np.testing.assert_allclose(encoder_steps(on_steps(fine, 4096)), 2.0 * np.pi / 4096, rtol=1e-6)
+    # A second recording without steps: nothing is on steps throughout.
+    np.testing.assert_array_equal(encoder_steps([*on_steps(fine[:1], 4096), fine[1]]), 0.0)
 
 
 def test_hidden_friction_withholds_the_intervals(dda: RigidBody, make_periodic: Motion) -> None:
