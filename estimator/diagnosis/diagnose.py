@@ -15,6 +15,7 @@ from estimator.diagnosis.evidence import Evidence, cut, gather
 from estimator.diagnosis.first_body import has_bodies
 from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.lack_of_fit import misfits
+from estimator.diagnosis.left_noise import by_what_is_left
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
@@ -61,6 +62,10 @@ def diagnose(
     given, body = body, evidence.design.body
     scores = Scores(evidence.design, evidence.blocks, evidence.folds)
     causes = Search(scores).run()
+    if not evidence.noise.playings:
+        evidence = by_what_is_left(evidence, scores, [cause.candidate for cause in causes])
+        scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+        causes = Search(scores).run()
     causes = _explaining(scores, causes)
     chosen = [cause.candidate for cause in causes]
     refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
@@ -195,7 +200,7 @@ def _residuals(evidence: Evidence, refined: Refined) -> tuple[Residual, ...]:
     before = np.sqrt(residual_power(design, whole, np.zeros(design.size)))
     after = np.sqrt(residual_power(design, whole, refined.value))
     return tuple(
-        Residual(float(before[k]), float(after[k]), float(evidence.noise.rms[k]), axis.torque_unit)
+        Residual(float(before[k]), float(after[k]), float(evidence.noise.likely[k]), axis.torque_unit)
         for k, axis in zip(torque_channels(design), design.body.axes, strict=True)
     )
 
@@ -218,7 +223,7 @@ def _held_out(
         whole = total(plain)
         before = residual_power(design, whole, np.zeros(design.size))
         after = left_out_power(design, scores.weights, whitened, plain, evidence.folds)
-    variance = evidence.noise.rms[chosen] ** 2
+    variance = evidence.noise.likely[chosen] ** 2
     freedom = evidence.noise.degrees_of_freedom or np.inf
     least = _SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))
     return HeldOut(
@@ -231,7 +236,7 @@ def _held_out(
 def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:
     """Shown on what was held out where there is some."""
     shown = cut(body, evidence.grid, hold_out) if hold_out else evidence.pieces
-    return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.rms, body.joints)
+    return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.likely, body.joints)
 
 
 def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
@@ -252,6 +257,7 @@ def _notes(evidence: Evidence, given: RigidBody) -> list[str]:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")
     else:
         notes.append(
-            "no motion was played twice: the noise is assumed, and wide; play each motion twice to see smaller effects"
+            "no motion was played twice: the noise is assumed, and may be as large as all that is left; "
+            "play each motion twice to see smaller effects"
         )
     return notes

@@ -42,6 +42,8 @@ class Evidence:
     decimations: tuple[int, ...]
     repeats: tuple[RepeatGroup, ...]
     noise: Noise
+    unseen: Array
+    """(channels, ORDER + 1) autocovariance of errors that no playing shows."""
     blocks: tuple[Block | Sheet, ...]
     folds: tuple[int, ...]
     """With which fold each block is left out."""
@@ -89,7 +91,16 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
         )
     folds = folds_of(blocks, len(trajectories), repeats)
     return Evidence(
-        design, grid, tuple(pieces), tuple(decimations), tuple(repeats), noise, tuple(blocks), tuple(folds), parts
+        design,
+        grid,
+        tuple(pieces),
+        tuple(decimations),
+        tuple(repeats),
+        noise,
+        unseen,
+        tuple(blocks),
+        tuple(folds),
+        parts,
     )
 
 

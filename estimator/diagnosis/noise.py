@@ -19,7 +19,7 @@ ORDER = 4
 _ROWS_A_COEFFICIENT = 40
 _TOLD = 1e-9
 """Of the largest singular value: smaller ones are rounding."""
-_WIDENED = 1.3
+WIDENED = 1.3
 """Factor on the standard deviation of a noise that no repeats tell."""
 
 
@@ -35,6 +35,11 @@ class Noise:
     """Behind the variances; 0 where they are assumed."""
     playings: int
     """How many playings of repeated motions they come from; 0 without repeats."""
+
+    @property
+    def likely(self) -> Array:
+        """(channels,) `rms` without the widening of a noise that is assumed."""
+        return self.rms if self.playings else self.rms / WIDENED
 
     @classmethod
     def none(cls, channels: int) -> Noise:
@@ -98,7 +103,7 @@ def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
         edges = np.cumsum([stretch[channel].shape[1] for stretch in stretches])[:-1]
         for own, part in zip(left, np.split(residual, edges), strict=True):
             own.append(part)
-    covariance = _WIDENED**2 * autocovariance([np.array(own).T for own in left]) + unseen
+    covariance = WIDENED**2 * autocovariance([np.array(own).T for own in left]) + unseen
     return Noise(
         filters=np.array([autoregressive(row, freedom) for row in covariance]),
         rms=np.sqrt(covariance[:, 0]),

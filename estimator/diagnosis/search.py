@@ -26,6 +26,8 @@ _TOLD_APART = 0.01
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
+_TURNS = 3
+"""Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,22 @@ class Search:
     def __init__(self, scores: Scores) -> None:
         self.scores = scores
         self.design = scores.design
+        self._fallen: set[int] = set()
+        """Hypotheses that were taken and did not improve what is predicted of rows left out."""
 
     def run(self) -> list[Cause]:
         """All causes, the one with most evidence first."""
         chosen = self._grown([])
         if (divided := self._divided(chosen)) != chosen:
             chosen = self._grown(divided)
-        chosen = self._telling(self._standing(self._pruned(self._swapped(chosen))))
+        for _ in range(_TURNS):
+            before = self._pruned(self._swapped(chosen))
+            chosen = self._standing(before)
+            if set(chosen) == set(before):
+                break
+            self._fallen |= {int(self.scores.owner[k]) for k in set(before) - set(chosen)}
+            chosen = self._grown(chosen)
+        chosen = self._telling(self._standing(self._pruned(chosen)))
         return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
 
     def _grown(self, chosen: list[int]) -> list[int]:
@@ -81,7 +92,8 @@ class Search:
 
     def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
         """What the model may become by one more cause, the best supported first; nothing when none is supported."""
-        for candidate, _, supported in self.scores.ranked(chosen)[:_TRIED]:
+        ranked = [row for row in self.scores.ranked(chosen) if int(self.scores.owner[row[0]]) not in self._fallen]
+        for candidate, _, supported in ranked[:_TRIED]:
             if supported <= 0.0:
                 return
             if self._admitted(candidate, chosen):
