@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,8 @@ class MeasuredArm:
     urdf: str
     recordings: dict[str, Trajectory]
     held_out: tuple[str, ...] = ()
+    motors: dict[str, Array] = field(default_factory=dict)
+    """(samples, n) N·m at the joints by the motors' currents, of recordings whose torques are those of sensors."""
 
     @property
     def body(self) -> RigidBody:
@@ -65,7 +67,7 @@ def write_files(arm: MeasuredArm, directory: Path) -> Iterator[Path]:
     yield urdf
     joints = arm.body.joints
     for name, trajectory in arm.recordings.items():
-        quantities = {"q": trajectory.q, "dq": trajectory.dq, "tau": trajectory.tau}
+        quantities = {"q": trajectory.q, "dq": trajectory.dq, "tau": trajectory.tau, "tau_motor": arm.motors.get(name)}
         present = {quantity: values for quantity, values in quantities.items() if values is not None}
         header = ["t", *(f"{quantity}_{joint}" for quantity in present for joint in joints)]
         table = np.column_stack([trajectory.t, *present.values()])

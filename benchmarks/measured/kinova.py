@@ -27,6 +27,7 @@ def kinova(torque: TorqueChannel = "TorqueSm") -> MeasuredArm:
         (data_folder(FOLDER) / "gen3.urdf").read_text(),
         {name: _recording(name, torque) for name in RECORDINGS},
         held_out=("opti_traj_testing2", "RunTrajectory1"),
+        motors={name: _recording(name, "TorqueCur").tau for name in RECORDINGS} if torque == "TorqueSm" else {},
     )
 
 

@@ -1,4 +1,8 @@
-"""Recordings as CSV: ``t,q_<joint>…,dq_<joint>…,tau_<joint>…[,fx,fy,fz,nx,ny,nz]`` in SI units, one row a sample."""
+"""Recordings as CSV: ``t,q_<joint>…,dq_<joint>…,tau_<joint>…[,fx,fy,fz,nx,ny,nz]`` in SI units, one row a sample.
+
+Where the joints have torque sensors, ``tau_…`` is theirs, and ``tau_motor_<joint>…`` may hold the torques of the motors
+by their currents, at the joints.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from driver.recording.recording import Array, Recording, find_gaps
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "nx", "ny", "nz")
 QUANTITIES = ("q", "dq", "tau")
+MOTOR = "tau_motor"
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -32,7 +37,7 @@ class _Header:
 
 
 def read_csv(path: Path) -> Recording:
-    """Read a CSV recording. ``dq_…``, ``tau_…`` and the wrench may be absent, each as a whole.
+    """Read a CSV recording. ``dq_…``, ``tau_…``, ``tau_motor_…`` and the wrench may be absent, each as a whole.
 
     Raises InputError with line and column: wrong or missing columns, text, NaN, time that does not increase, gaps.
     """
@@ -62,6 +67,7 @@ def read_csv(path: Path) -> Recording:
         q=table[:, header.columns("q")],
         dq=part(header.columns("dq")),
         tau=part(header.columns("tau")),
+        tau_motor=part(header.columns(MOTOR)),
         wrench_t=None if wrench is None else np.ascontiguousarray(t),
         wrench=wrench,
         notes=tuple(notes),
@@ -84,8 +90,9 @@ def _header(path: Path, line: str) -> _Header:
     joints = tuple(name[2:] for name in names if name.startswith("q_"))
     if not joints:
         raise InputError(place, "there is no column q_<joint>", expected)
-    for quantity in ("dq", "tau"):
-        present = {name.removeprefix(f"{quantity}_") for name in names if name.startswith(f"{quantity}_")}
+    motors = {name for name in names if name.startswith(f"{MOTOR}_") and name.removeprefix("tau_") not in joints}
+    for quantity, own in (("dq", set(names)), ("tau", set(names) - motors), (MOTOR, motors)):
+        present = {name.removeprefix(f"{quantity}_") for name in own if name.startswith(f"{quantity}_")}
         _same_joints(place, quantity, joints, present)
     missing = [name for name in WRENCH_COLUMNS if name not in names]
     if 0 < len(missing) < len(WRENCH_COLUMNS):
@@ -178,7 +185,7 @@ def write_csv(recording: Recording, path: Path) -> LeftOut:
     names = ["t", *(f"q_{joint}" for joint in recording.joints)]
     columns = [recording.t[:, None], recording.q]
     nowhere = []
-    quantities = [("dq", recording.dq), ("tau", recording.tau)]
+    quantities = [("dq", recording.dq), ("tau", recording.tau), (MOTOR, recording.tau_motor)]
     if recording.wrench is not None and recording.wrench_t is not None:
         quantities.append(("wrench", wrench_at(recording.t, recording.wrench_t, recording.wrench)))
     for quantity, values in quantities:

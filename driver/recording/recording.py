@@ -67,6 +67,8 @@ class Recording:
     gaps: tuple[Gap, ...] = ()
     notes: tuple[str, ...] = ()
     """What a reader should be told: gaps, ignored messages, absent channels."""
+    tau_motor: Array | None = None
+    """N·m at the joint by the motor's current, where ``tau`` is that of a sensor behind the gear."""
 
     @property
     def period(self) -> float:

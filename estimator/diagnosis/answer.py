@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 
 Verdict = Literal["clean", "named", "ambiguous", "unknown"]
 Status = Literal["named", "ambiguous"]
+MOTOR = "motor"
+"""The channel of a finding between a motor and its joint's torque sensor."""
 
 
 @dataclass(frozen=True)
@@ -116,3 +119,5 @@ class Diagnosis:
     """Hz up to which torques were compared."""
     base_deviation: Array
     """(rank,) by how much the base parameters differ from the given model's, within its tolerance."""
+    drive_residual: Mapping[int, Residual] = field(default_factory=dict)
+    """By joint, what its motor spends beside the torque that its sensor reads, where both were recorded."""

@@ -111,7 +111,7 @@ def make_design(
     precision: Array,
 ) -> Design:
     """Lays out all hypotheses that enter a recorded channel, each on its grid of non-linear parameters."""
-    active = make_layout(body, base, [()] * body.n).active
+    active = make_layout(body, base, [()] * body.n).active if base.rank else ((),) * body.n
     nothing = np.zeros(0, dtype=np.intp)
     reached = tuple(
         np.array(active[channel.index], dtype=np.intp) if channel.equation == "torque" else nothing
@@ -188,7 +188,7 @@ class _Sink:
 
 def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
     """Channel and (columns, samples), each channel's in the order of its members."""
-    kept, sign = np.array(design.base.kept), design.base.sign
+    kept, sign = np.array(design.base.kept, dtype=np.intp), design.base.sign
     slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq}
     for number, (channel, reached) in enumerate(zip(design.channels, design.reached, strict=True)):
         if channel.equation == "torque":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,23 +59,15 @@ def diagnose(
     recordings on which the gain is measured; without them, data left out in turn.
     Raises InputError for recordings that cannot be judged.
     """
-    evidence = gather(body, trajectories, tolerance)
+    judged = judge(gather(body, trajectories, tolerance))
+    evidence, scores, refined, findings = judged.evidence, judged.scores, judged.refined, judged.findings
+    chosen = list(judged.chosen)
     given, body = body, evidence.design.body
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
-    causes = Search(scores).run()
-    if not evidence.noise.playings:
-        evidence = by_what_is_left(evidence, scores, [cause.candidate for cause in causes])
-        scores = Scores(evidence.design, evidence.blocks, evidence.folds)
-        causes = Search(scores).run()
-    causes = _explaining(scores, causes)
-    chosen = [cause.candidate for cause in causes]
-    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
-    findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
     unexplained = _unexplained(evidence, scores, refined, chosen)
     sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,
-        verdict=_verdict(findings, unexplained),
+        verdict=verdict(findings, unexplained),
         findings=findings,
         unexplained=unexplained,
         torque_residual=_residuals(evidence, refined),
@@ -88,15 +81,48 @@ def diagnose(
     )
 
 
+@dataclass(frozen=True)
+class Judged:
+    """Evidence with the causes that it names."""
+
+    evidence: Evidence
+    """Under the noise that they were judged by."""
+    scores: Scores
+    chosen: tuple[int, ...]
+    """Candidates of the evidence's design."""
+    refined: Refined
+    findings: tuple[Finding, ...]
+    """One a candidate, likewise."""
+
+
+def judge(evidence: Evidence) -> Judged:
+    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave."""
+    scores, causes = _searched(evidence)
+    if not evidence.noise.playings:
+        evidence = by_what_is_left(evidence, scores, [cause.candidate for cause in causes])
+        scores, causes = _searched(evidence)
+    causes = _explaining(scores, causes)
+    chosen = tuple(cause.candidate for cause in causes)
+    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+    findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
+    return Judged(evidence, scores, chosen, refined, findings)
+
+
+def _searched(evidence: Evidence) -> tuple[Scores, list[Cause]]:
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    return scores, Search(scores).run()
+
+
 def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
     left[left < _VISIBLE] = 0.0
+    channel_of = {scores.design.channels[k].index: k for k in torque_channels(scores.design)}
     for joint, misfit in misfits(scores, chosen).items():
         if misfit.told:
-            left[joint] = max(left[joint], misfit.variance)
+            left[channel_of[joint]] = max(left[channel_of[joint]], misfit.variance)
     result = []
     for cause in causes:
         channels = list(scores.design.candidates[cause.candidate].channels)
@@ -186,7 +212,8 @@ def _signature(scores: Scores, candidate: int) -> str:
     return hypothesis.effect.name.replace("map of", "a function of") + whose
 
 
-def _verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
+def verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
+    """Of findings and of what no finding explains, by joint."""
     if any(left.share > _WORTH_TELLING for left in unexplained.values()):
         return "unknown"
     if not findings:

@@ -28,7 +28,7 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_EXACT = 5e-4
+EXACT = 5e-4
 """Of a channel's rms: time stamps, interpolation and the model's own arithmetic are no more exact than this."""
 
 
@@ -127,7 +127,7 @@ def _unseen(grid: Grid, pieces: Sequence[Stretch], decimations: Sequence[int], s
     recurs, and what nothing is computed more exactly than."""
     rounded = [Decimator(d)(piece.rounding.T).T for piece, d in zip(pieces, decimations, strict=True)]
     covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
-    covariance[:, 0] += _EXACT**2 * mean_power(pieces)
+    covariance[:, 0] += EXACT**2 * mean_power(pieces)
     return np.asarray(covariance)
 
 

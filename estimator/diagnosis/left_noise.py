@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import sum_up
-from estimator.diagnosis.noise import WIDENED, Noise, autocovariance, autoregressive
+from estimator.diagnosis.noise import WIDENED, autocovariance, autoregressive
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import rows_of
 
@@ -33,6 +33,6 @@ def by_what_is_left(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -
     rms = np.sqrt(covariance[:, 0])
     less = rms < noise.rms
     filters = np.array([autoregressive(row, free) for row in covariance])
-    told = Noise(np.where(less[:, None], filters, noise.filters), np.where(less, rms, noise.rms), 0.0, 0)
+    told = replace(noise, filters=np.where(less[:, None], filters, noise.filters), rms=np.where(less, rms, noise.rms))
     blocks = sum_up(design, evidence.pieces, evidence.decimations, told, evidence.parts)
     return replace(evidence, noise=told, blocks=tuple(blocks))

@@ -16,6 +16,8 @@ FALSE_ALARM = 0.002
 is worked out from a noise that is itself estimated, and a diagnosis takes several steps."""
 _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
+_REST = 10.0
+"""Times what it leaves beyond the noise, and the noise itself, a cause must explain to be all that is left to explain."""
 LEAST_SEEN = 0.02
 """Of the noise's variance in one of its channels, what a cause must explain: a seventh of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
@@ -286,8 +288,8 @@ class Search:
 
     def _telling(self, chosen: list[int]) -> list[int]:
         """Without causes that explain a trifle of what any model could, or of the noise, wherever they act: they mend
-        the others' forms, or the noise's, and their names would mislead. All orders of a periodic law are judged as
-        one."""
+        the others' forms, or the noise's, and their names would mislead. A cause that explains all but the noise of
+        what is left without it is none of these. All orders of a periodic law are judged as one."""
         rows = self.scores.total.rows
         before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
@@ -295,8 +297,9 @@ class Search:
         for k in chosen:
             others = [c for c in chosen if self.scores.owner[c] != self.scores.owner[k]]
             lost = self.scores.model(others).squares() / rows - after
+            trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
             channels = list(self.design.candidates[k].channels)
-            if np.any(lost[channels] > np.maximum(_LEAST_SHARE * explainable[channels], LEAST_SEEN)):
+            if np.any(lost[channels] > np.maximum(trifle, LEAST_SEEN)[channels]):
                 result.append(k)
         return result
 

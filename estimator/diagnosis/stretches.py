@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 CHUNK = 16_384
 """Samples of the recording worked on at once."""
-_KINEMATIC = 2.0
+KINEMATIC = 2.0
 """Times the rows' band, to which the kinematics are flat."""
 _PERIODS = 3.0
 """Of the highest frequency of the calm motion, by which its ends are continued."""
@@ -92,7 +92,7 @@ def channels_of(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Ch
 
 def stretches(body: RigidBody, grid: Grid, recording: int, trajectory: Trajectory) -> list[Stretch]:
     """All gapless pieces of one recording that are longer than the smoothing reaches."""
-    plan = plan_filter(trajectory.rate, grid.band, flat=_KINEMATIC)
+    plan = plan_filter(trajectory.rate, grid.band, flat=KINEMATIC)
     pieces = trajectory.segments(CHUNK, 2 * plan.edge)
     long_enough = [piece for piece in pieces if len(piece) > 2 * plan.edge + 16 * plan.stride]
     return [_stretch(body, grid, recording, trajectory, piece, plan) for piece in long_enough]
@@ -114,7 +114,7 @@ def _stretch(
     rigid = inverse_dynamics(body, body.prior(), q, dq, ddq)
     tau = smoothed(trajectory.tau)
     speed = None if trajectory.dq is None else smoothed(trajectory.dq)
-    calm = _calm_motion(grid, plan, measured)
+    calm = calm_motion(grid, plan, measured)
     still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
     # Without the measured torque: in a column its noise is the residual's, and would be taken for evidence.
     signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), dq_measured=speed)
@@ -141,7 +141,7 @@ def mean_power(pieces: Sequence[Stretch]) -> Array:
     return np.average([piece.power for piece in pieces], axis=0, weights=[piece.signals.samples for piece in pieces])
 
 
-def _calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
+def calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
     """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach; continued beyond its ends by odd
     reflection, and smoothed by its spectrum: a kernel as long as this band asks would cost the ends."""
     samples = len(measured)

@@ -34,9 +34,13 @@ def given_precision(
     size = base.rank + len(channels)
     result = np.zeros((size, size))
     result[: base.rank, : base.rank] = base_precision(body, base, tolerance)
-    for k, channel in enumerate(channels, base.rank):
-        result[k, k] = max(_TIMING[channel.equation] / rate, _LEAST_TIMING) ** -2
+    result[base.rank :, base.rank :] = timing_precision(channels, rate)
     return result
+
+
+def timing_precision(channels: Sequence[Channel], rate: float) -> Array:
+    """(channels, channels) inverse covariance of each channel's lateness, of recordings at ``rate`` Hz and more."""
+    return np.diag([max(_TIMING[channel.equation] / rate, _LEAST_TIMING) ** -2 for channel in channels])
 
 
 def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> Array:

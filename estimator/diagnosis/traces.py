@@ -86,10 +86,7 @@ def traces(
     ``noise`` (channels,) rms, ``names`` of the joints.
     """
     design = refined.design
-    rows, known = (
-        [_Rows.of(design, piece, grid.decimation(piece.signals.period)) for piece in pieces]
-        for pieces in (shown, learnt)
-    )
+    rows = [_Rows.of(design, piece, grid.decimation(piece.signals.period)) for piece in shown]
     lengths: dict[int, int] = {}
     for r in rows:
         lengths[r.recording] = lengths.get(r.recording, 0) + len(r.t)
@@ -102,10 +99,23 @@ def traces(
             t += [r.t, r.t[-1:]]
             before += [np.array([r.channels[k][-1] for k in torques]).T, gap]
             after += [r.residual(refined.value)[:, torques], gap]
-    signatures = tuple(_signature(refined, number, known, noise, names) for number in range(len(design.candidates)))
     return Traces(
-        recording, np.concatenate(t), np.concatenate(before), np.concatenate(after), noise[torques], signatures
+        recording,
+        np.concatenate(t),
+        np.concatenate(before),
+        np.concatenate(after),
+        noise[torques],
+        signatures(refined, learnt, grid, noise, names),
     )
+
+
+def signatures(
+    refined: Refined, learnt: Sequence[Stretch], grid: Grid, noise: Array, names: Sequence[str]
+) -> tuple[Signature, ...]:
+    """One a candidate of the refined model, over all stretches; ``noise`` and ``names`` as for `traces`."""
+    design = refined.design
+    known = [_Rows.of(design, piece, grid.decimation(piece.signals.period)) for piece in learnt]
+    return tuple(_signature(refined, number, known, noise, names) for number in range(len(design.candidates)))
 
 
 @dataclass(frozen=True)

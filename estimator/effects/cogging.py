@@ -20,6 +20,7 @@ class Cogging(JointEffect):
     """theta is the order k, periods a turn of the joint."""
 
     name = "cogging"
+    in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
     recurs = True
     confused_with = ("encoder_eccentricity", "torque_ripple")

@@ -120,6 +120,10 @@ class Effect(Law):
 
     confused_with: ClassVar[tuple[str, ...]] = ()
 
+    in_drive: ClassVar[bool] = False
+    """Whether it acts between a motor and a torque sensor behind its gear: the sensor's torque stands for the model's
+    there."""
+
     @abstractmethod
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""

@@ -19,6 +19,7 @@ class LoadDependentFriction(JointEffect):
     """What is transmitted is taken from the given model; theta is the sign's width."""
 
     name = "load_dependent_friction"
+    in_drive = True
     units: ClassVar = {"coefficient": "–"}
     hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")

@@ -21,6 +21,7 @@ class TorqueConstantError(JointEffect):
     """Measured = true/g: the coefficient is 1/g − 1, its column the torque that the given model needs."""
 
     name = "torque_constant_error"
+    in_drive = True
     units: ClassVar = {"gain": "–"}
     confused_with = ("load_dependent_friction", "rotor_inertia", "link_inertia", "payload")
     seen_against = "tau"

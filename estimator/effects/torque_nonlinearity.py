@@ -24,6 +24,7 @@ class TorqueNonlinearity(JointEffect):
     """
 
     name = "torque_nonlinearity"
+    in_drive = True
     units: ClassVar = {"limit": "N·m", "dead_zone": "N·m"}
     hidden = (0,)
     confused_with = ("torque_constant_error", "coulomb_friction")

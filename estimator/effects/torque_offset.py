@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 class TorqueOffset(JointEffect):
     name = "torque_offset"
+    in_drive = True
     units: ClassVar = {"offset": "N·m"}
     confused_with = ("asymmetric_friction", "base_tilt", "joint_spring")
     seen_against = "t"

@@ -20,6 +20,7 @@ class TorqueRipple(JointEffect):
     """theta is the order k; tau is taken from the given model."""
 
     name = "torque_ripple"
+    in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
     recurs = True
     confused_with = ("cogging",)

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 class ViscousFriction(JointEffect):
     name = "viscous_friction"
+    in_drive = True
     units: ClassVar = {"coefficient": "N·m·s/rad"}
     confused_with = ("coulomb_friction", "stribeck_friction")
     seen_against = "dq"

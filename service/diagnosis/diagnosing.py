@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from config import InputError
 from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.drives import with_drives
 from estimator.plausibility import missing_motions
 from service.diagnosis.experimenting import next_experiment, realised_gap
 from service.diagnosis.json_answer import as_json
@@ -50,7 +51,7 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
     )
     missing = missing_motions(read.body, read.trajectories)
     tell("judging", 0.4)
-    result = diagnose(read.body, read.trajectories, read.hold_out, request.tolerance)
+    result = _diagnosed(read, request.tolerance)
     answer = {
         "arm": read.arm.name,
         "recordings": [str(path) for path in request.recordings],
@@ -76,6 +77,19 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
         answer = keep(request.directory, result, answer)
     tell("done", 1.0)
     return DiagnosisOutcome(read, result, answer)
+
+
+def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
+    """The arm, and its drives where every recording to learn from has the torques of motors and sensors."""
+    result = diagnose(read.body, read.trajectories, read.hold_out, tolerance)
+    motors = [
+        replace(trajectory, tau=recording.tau_motor[:, read.body.columns(recording.joints)], unusable=None)
+        for trajectory, recording in zip(read.trajectories, read.recordings, strict=False)
+        if recording.tau_motor is not None
+    ]
+    if len(motors) < len(read.trajectories):
+        return result
+    return with_drives(result, read.body, motors, read.trajectories)
 
 
 def _played(experiment: Mapping[str, Any], result: Diagnosis) -> dict[str, Any]:

@@ -28,9 +28,11 @@ def next_experiment(
     The motion is written to ``directory`` as ``name``; without one, or without limits, the sentence stands alone.
     None for a finding that is decided.
     """
-    if finding.contest is None or finding.next_experiment is None:
+    if finding.next_experiment is None:
         return None
     sentence = finding.next_experiment
+    if finding.contest is None:
+        return experiment(sentence)
     limits, home = limits_and_home(read)
     if directory is None or limits is None:
         return experiment(sentence)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.diagnosis.answer import Diagnosis, Finding, Quantity
+from estimator.diagnosis.answer import Diagnosis, Finding, Quantity, Residual
 from estimator.effects import Place
 from service.diagnosis.sentences import sentence_of, summary
 
@@ -23,10 +23,8 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
             joints[joint]: {"share": left.share, "signature": left.signature}
             for joint, left in diagnosis.unexplained.items()
         },
-        "torque_residual": {
-            joint: {"before_rms": r.before, "after_rms": r.after, "noise_rms": r.noise, "unit": r.unit}
-            for joint, r in zip(joints, diagnosis.torque_residual, strict=True)
-        },
+        "torque_residual": {joint: _residual(r) for joint, r in zip(joints, diagnosis.torque_residual, strict=True)},
+        "drive_residual": {joints[joint]: _residual(r) for joint, r in diagnosis.drive_residual.items()},
         "gain": {
             "held_out_torque": {
                 "before_rms": diagnosis.held_out.before,
@@ -44,6 +42,15 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
         "model": None,
         "band_hz": diagnosis.band,
         "notes": [*notes, *diagnosis.notes],
+    }
+
+
+def _residual(residual: Residual) -> dict[str, Any]:
+    return {
+        "before_rms": residual.before,
+        "after_rms": residual.after,
+        "noise_rms": residual.noise,
+        "unit": residual.unit,
     }
 
 

@@ -22,7 +22,9 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
         if finding["next_experiment"]
     ]
     shown += [_played(one) for one in answer["experiments"]]
-    shown.append(_residuals(answer["torque_residual"]))
+    shown.append(_residuals("torque residual, rms", answer["torque_residual"]))
+    if drives := answer.get("drive_residual"):
+        shown.append(_residuals("motor less sensor, rms", drives))
     held_out = answer["gain"]["held_out_torque"]
     share = held_out["share_of_explainable"]
     explained = "nothing beyond the noise" if share is None else f"{100 * share:.0f} % of what can be explained"
@@ -64,7 +66,7 @@ def _experiment(told: dict[str, Any]) -> str:
 
 
 def _played(experiment: dict[str, Any]) -> str:
-    rivals = ", ".join(f"{r['effect']} {r['joint'] or r['channel'] or 'arm'}" for r in experiment["between"])
+    rivals = ", ".join(f"{r['effect']} {_where(r)}" for r in experiment["between"])
     told = "none of them is left" if experiment["gap"] is None else f"{experiment['gap']:.1f} nats lie between"
     return (
         f"played {experiment['motion']} to decide between {rivals}: {told}, {experiment['predicted_gap']:.1f} expected"
@@ -79,18 +81,24 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         nearest = finding["alternatives"][0] if finding["alternatives"] else None
         table.add_row(
             finding["effect"],
-            finding["joint"] or finding["channel"] or "arm",
+            _where(finding),
             finding["status"],
             f"{finding['evidence']['log_likelihood_gain']:.0f}",
             f"{finding['evidence']['false_alarm_probability']:.1g}",
-            "–" if nearest is None else f"{nearest['effect']} {nearest['joint'] or nearest['channel'] or 'arm'}",
+            "–" if nearest is None else f"{nearest['effect']} {_where(nearest)}",
             "–" if nearest is None else f"{nearest['log_likelihood_gap']:.1f}",
         )
     return table
 
 
-def _residuals(residuals: dict[str, dict[str, Any]]) -> Table:
-    table = Table("torque residual, rms", "before", "after", "noise", "unit", box=None)
+def _where(place: dict[str, Any]) -> str:
+    if place["joint"] is not None and place["channel"] is not None:
+        return f"{place['joint']}, {place['channel']}"
+    return str(place["joint"] or place["channel"] or "arm")
+
+
+def _residuals(title: str, residuals: dict[str, dict[str, Any]]) -> Table:
+    table = Table(title, "before", "after", "noise", "unit", box=None)
     for joint, r in residuals.items():
         numbers = (figure(r[key]) for key in ("before_rms", "after_rms", "noise_rms"))
         table.add_row(joint, *numbers, r["unit"])

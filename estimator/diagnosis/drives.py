@@ -1,0 +1,159 @@
+"""Causes between the motors and the torque sensors behind their gears, where a recording has both torques.
+
+The sensor takes the model's place: what a motor spends beside the torque that its joint's sensor reads is friction,
+its rotor, its torque constant, its ripple. No model of the arm enters, and the search is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config import InputError
+from estimator.base_parameters import BaseParameters
+from estimator.convolution import convolve
+from estimator.diagnosis.answer import MOTOR, Diagnosis, Finding, Residual
+from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.diagnose import judge, verdict
+from estimator.diagnosis.evidence import EXACT, Evidence
+from estimator.diagnosis.folds import folds_of, parts_of
+from estimator.diagnosis.grams import sum_up, total
+from estimator.diagnosis.maps import MAPS
+from estimator.diagnosis.noise import ORDER, Noise, assumed_noise
+from estimator.diagnosis.repetition import lay, playings, repeated_noise
+from estimator.diagnosis.stretches import CHUNK, KINEMATIC, Channel, Grid, Stretch, calm_motion, make_grid, mean_power
+from estimator.diagnosis.tolerance import timing_precision
+from estimator.diagnosis.torques import plain_blocks, residual_power
+from estimator.diagnosis.traces import signatures
+from estimator.effects import Place, Scales, Signals, catalogue
+from estimator.filtering import plan_filter, resample
+from estimator.repeats import find_repeats
+from estimator.rigid_body import RigidBody
+from estimator.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def with_drives(
+    found: Diagnosis, body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]
+) -> Diagnosis:
+    """The diagnosis of an arm with what lies in its drives.
+
+    ``motors`` and ``sensors``: the same recordings with the torques of the motors, at the joints (N·m), and of the
+    joints' sensors. Findings in the drives have the channel `MOTOR`; their torque is the motor's. Raises InputError
+    when no joint has both torques.
+    """
+    for one, other in zip(motors, sensors, strict=True):
+        if one.q.shape != other.q.shape or not np.array_equal(one.t, other.t):
+            raise InputError(one.name, f"is not the recording {other.name}", "give both torques of one motion")
+    judged = judge(_gathered(body, motors, sensors))
+    evidence, refined = judged.evidence, judged.refined
+    own = tuple(_in_drive(finding) for finding in judged.findings)
+    rows = total(plain_blocks(refined.design, evidence.pieces, evidence.decimations))
+    before = np.sqrt(residual_power(refined.design, rows, np.zeros(refined.design.size)))
+    after = np.sqrt(residual_power(refined.design, rows, refined.value))
+    residuals = {
+        channel.index: Residual(
+            float(before[k]), float(after[k]), float(evidence.noise.likely[k]), body.axes[channel.index].torque_unit
+        )
+        for k, channel in enumerate(evidence.grid.channels)
+    }
+    drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, body.joints)
+    findings = (*found.findings, *own)
+    return replace(
+        found,
+        verdict=verdict(findings, found.unexplained),
+        findings=findings,
+        drive_residual=residuals,
+        traces=replace(found.traces, signatures=(*found.traces.signatures, *drawn)),
+    )
+
+
+def _in_drive(finding: Finding) -> Finding:
+    """A finding with its place, and those of its alternatives, in the drive; no motion is designed for it."""
+    rivals = tuple(replace(a, place=replace(a.place, channel=MOTOR)) for a in finding.rivals)
+    near = tuple(replace(a, place=replace(a.place, channel=MOTOR)) for a in finding.alternatives)
+    return replace(finding, place=replace(finding.place, channel=MOTOR), alternatives=near, rivals=rivals, contest=None)
+
+
+def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> Evidence:
+    told = [
+        joint
+        for joint in range(body.n)
+        if all(np.nanmax(t.tau[:, joint]) > np.nanmin(t.tau[:, joint]) for t in (*motors, *sensors))
+    ]
+    if not told:
+        raise InputError(motors[0].name, "no joint has the torques of its motor and of its sensor", "record both")
+    plain = make_grid(body, motors)
+    grid = replace(plain, channels=tuple(Channel("torque", joint) for joint in told))
+    pieces = [
+        piece
+        for number, (motor, sensor) in enumerate(zip(motors, sensors, strict=True))
+        for piece in _stretches(body, grid, number, motor, sensor)
+    ]
+    if not pieces:
+        raise InputError(
+            motors[0].name, "has no gapless stretch long enough to judge", "record at least some seconds of motion"
+        )
+    decimations = [grid.decimation(piece.signals.period) for piece in pieces]
+    design = _design(body, grid, pieces, min(motor.rate for motor in motors))
+    repeats = find_repeats(motors)
+    unseen = np.zeros((len(told), ORDER + 1))
+    unseen[:, 0] = EXACT**2 * mean_power(pieces)
+    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
+    if noise is None:
+        unit = Noise.none(len(told))
+        noise = assumed_noise(
+            [stretch_rows(design, piece, d, unit) for piece, d in zip(pieces, decimations, strict=True)], unseen
+        )
+    parts = parts_of(len(motors), repeats)
+    blocks = sum_up(design, pieces, decimations, noise, parts)
+    if not blocks:
+        raise InputError(motors[0].name, "is too short to judge a drive by", "record at least some seconds of motion")
+    folds = folds_of(blocks, len(motors), repeats)
+    return Evidence(
+        design,
+        grid,
+        tuple(pieces),
+        tuple(decimations),
+        tuple(repeats),
+        noise,
+        unseen,
+        tuple(blocks),
+        tuple(folds),
+        parts,
+    )
+
+
+def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
+    nothing = BaseParameters((), (), (), np.zeros(0), np.zeros((0, 10 * body.n)), (), (), ())
+    laws = [law for law in catalogue().values() if law.in_drive]
+    hypotheses = [Hypothesis(law, place) for law in (*laws, *MAPS) for place in law.places(body)]
+    hypotheses.append(Hypothesis(catalogue()["transport_delay"], Place(channel="torque")))
+    scales = Scales.of([piece.signals for piece in pieces], grid.band)
+    return make_design(body, nothing, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
+
+
+def _stretches(body: RigidBody, grid: Grid, recording: int, motor: Trajectory, sensor: Trajectory) -> list[Stretch]:
+    """Gapless pieces; the residual is what the motor spends beside its sensor's torque."""
+    plan = plan_filter(motor.rate, grid.band, flat=KINEMATIC)
+    chosen = [channel.index for channel in grid.channels]
+    both = replace(motor, tau=motor.tau + 0.0 * sensor.tau)
+    result = []
+    for piece in both.segments(CHUNK, 2 * plan.edge):
+        if len(piece) <= 2 * plan.edge + 16 * plan.stride:
+            continue
+        t, thin = motor.t[piece], slice(None, None, plan.stride)
+        driven, felt = (resample(t, own.tau[piece], plan.rate) for own in (motor, sensor))
+        calm = calm_motion(grid, plan, resample(t, motor.q[piece], plan.rate))
+        # Noise of the sensor in a column would be the residual's own.
+        through = calm_motion(grid, plan, felt).q[thin]
+        residual = convolve(driven - felt, plan.smooth)[thin][:, chosen]
+        times = t[0] + (plan.edge + plan.stride * np.arange(len(residual))) / plan.rate
+        signals = Signals(body, times, calm.q[thin], calm.dq[thin], calm.ddq[thin], through)
+        power = np.mean(convolve(driven, plan.smooth)[:, chosen] ** 2, axis=0)
+        result.append(Stretch(recording, signals, residual, np.zeros_like(residual), power))
+    return result
