@@ -10,19 +10,23 @@ from __future__ import annotations
 
 import sys
 
+import numpy as np
+
 from benchmarks.figure import Figure
-from benchmarks.measured import is_here
+from benchmarks.measured import emps, is_here
 from benchmarks.measured.causes_picture import draw
 from benchmarks.measured.diagnosed import (
     emps_diagnosed,
     findings_of,
-    kinova_drive_trains,
+    kinova_drives,
     kuka_diagnosed,
     number,
     odrive_diagnosed,
     panda_diagnosed,
 )
-from estimator.diagnosis.answer import Diagnosis
+from estimator.convolution import convolve
+from estimator.diagnosis.answer import Diagnosis, Finding
+from estimator.filtering import plan_filter
 
 EMPS = {
     "coefficient_positive": ("N·s/m", 166.706),
@@ -71,9 +75,16 @@ def _emps() -> list[Figure]:
             Figure(f"diagnosed_emps_{name}", number(own[0], name) if own else 0.0, unit, "published", value)
             for name, (unit, value) in EMPS.items()
         ),
+        Figure("diagnosed_emps_relative_error", 100.0 * found.held_out.after / _power(found), "%", "published", 3.1117),
         Figure("diagnosed_emps_elastic", float(len(findings_of(found, "joint_elasticity"))), "named", "published", 1.0),
         *_sum("emps", found),
     ]
+
+
+def _power(found: Diagnosis) -> float:
+    """N: rms of the force of the motion that was held out, in the compared band."""
+    judged = emps().recordings["emps"]
+    return float(np.sqrt(np.mean(convolve(judged.tau, plan_filter(judged.rate, found.band).smooth) ** 2)))
 
 
 def _odrive() -> list[Figure]:
@@ -108,23 +119,23 @@ def _panda() -> list[Figure]:
 
 
 def _kinova() -> list[Figure]:
-    """Between the motors' currents and the joints' sensors; of what the recordings do not tell, nothing."""
-    figures = []
-    for joint, train in enumerate(kinova_drive_trains(), 1):
-        if train is None:
-            continue
-        told = {
-            "torque_constant": (train.torque_constant, "–"),
-            "coulomb": (train.coulomb, "N·m"),
-            "viscous": (train.viscous, "N·m·s/rad"),
-            "rotor_inertia": (train.rotor_inertia, "kg·m²"),
-        }
-        for name, (estimate, unit) in told.items():
-            if estimate.told:
-                error = estimate.standard_error
-                label = f"drive_train_kinova_{name}_{joint}"
-                figures.append(Figure(label, estimate.value, unit, "standard error", error))
-    return figures
+    """Between the motors' currents and the joints' sensors, joint by joint; nothing is published of it."""
+    return [
+        Figure(
+            f"drive_kinova_{finding.effect}_{name}_{_number_of(finding)}",
+            float(np.asarray(quantity.value)),
+            quantity.unit,
+            "standard error",
+            float(np.asarray(quantity.standard_error)),
+        )
+        for finding in kinova_drives()
+        for name, quantity in finding.parameters.items()
+    ]
+
+
+def _number_of(finding: Finding) -> str:
+    """Of its joint, from one."""
+    return "all" if finding.place.joint is None else str(finding.place.joint + 1)
 
 
 def _sum(name: str, found: Diagnosis) -> list[Figure]:

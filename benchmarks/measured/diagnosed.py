@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from benchmarks.measured.dataset import MeasuredArm
 from benchmarks.measured.emps import emps
-from benchmarks.measured.kinova import CHANNELS, kinova
+from benchmarks.measured.kinova import kinova
 from benchmarks.measured.kuka import kuka
 from benchmarks.measured.odrive import odrive
 from benchmarks.measured.panda import panda
 from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
-from estimator.drive_train import DriveTrain, drive_trains
+from estimator.diagnosis.drives import judge_drives
 
 SLOW_SWEEP = "odrive_slow2_slower_nocomp_0"
 """One turn in 33 s. Faster sweeps begin with a leap back to zero at 80 rad/s, which a cogging torque is nothing to."""
@@ -45,10 +46,12 @@ def panda_diagnosed() -> Diagnosis:
     return diagnosed(panda(), ["panda_first_half"], ["panda_second_half"])
 
 
-def kinova_drive_trains() -> list[DriveTrain | None]:
+def kinova_drives() -> tuple[Finding, ...]:
     """Between the motors' currents and the joints' torque sensors."""
-    motors, sensors = (list(kinova(channel).recordings.values()) for channel in CHANNELS)
-    return drive_trains(motors, sensors)
+    arm = kinova()
+    sensors = list(arm.recordings.values())
+    motors = [replace(sensor, tau=arm.motors[name]) for name, sensor in arm.recordings.items()]
+    return judge_drives(arm.body, motors, sensors).findings
 
 
 def findings_of(found: Diagnosis, effect: str, joint: int | None = None) -> list[Finding]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from typing import Literal
 
 import numpy as np
 
@@ -14,24 +13,23 @@ FOLDER = "kinova_gen3"
 RECORDINGS = ("opti_traj_testing1", "opti_traj_testing2", "RunTrajectory1")
 PERIOD = 1e-3
 """s. The time column counts samples; velocities against differences of angles say that one is a millisecond."""
-TorqueChannel = Literal["TorqueSm", "TorqueCur"]
-CHANNELS: tuple[TorqueChannel, TorqueChannel] = ("TorqueCur", "TorqueSm")
-"""Of the motor, then of the joint's sensor."""
+SENSORS, MOTORS = "TorqueSm", "TorqueCur"
+"""Torques of the joints' sensors, and by the motors' currents."""
 
 
-def kinova(torque: TorqueChannel = "TorqueSm") -> MeasuredArm:
-    """``torque``: that of the joints' sensors, or that of the motors' currents. The commanded motion is recorded whole
-    in two of the recordings only."""
+def kinova() -> MeasuredArm:
+    """The torques are those of the joints' sensors, those of the motors beside them. The commanded motion is recorded
+    whole in two of the recordings only."""
     return MeasuredArm(
         "kinova",
         (data_folder(FOLDER) / "gen3.urdf").read_text(),
-        {name: _recording(name, torque) for name in RECORDINGS},
+        {name: _recording(name, SENSORS) for name in RECORDINGS},
         held_out=("opti_traj_testing2", "RunTrajectory1"),
-        motors={name: _recording(name, "TorqueCur").tau for name in RECORDINGS} if torque == "TorqueSm" else {},
+        motors={name: _recording(name, MOTORS).tau for name in RECORDINGS},
     )
 
 
-def _recording(name: str, torque: TorqueChannel) -> Trajectory:
+def _recording(name: str, torque: str) -> Trajectory:
     with (data_folder(FOLDER) / f"{name}.csv").open() as lines:
         header, *rows = list(csv.reader(lines))
     values = np.array([[float(field) if field else np.nan for field in row] for row in rows])

@@ -144,11 +144,6 @@ def _finding(
     ambiguous = bool(within)
     fitted = refined.design.candidates[number]
     others = [c.candidate for c in causes if c is not cause]
-    channels = list(fitted.channels)
-    rows = scores.total.rows
-    with_it = scores.model([c.candidate for c in causes]).squares()[channels].sum() / rows
-    without = scores.model(others).squares()[channels].sum() / rows
-    bound = max(scores.model([]).squares()[channels].sum() / rows - len(channels), 1e-12)
     return Finding(
         effect=hypothesis.effect.name,
         place=hypothesis.place,
@@ -158,13 +153,31 @@ def _finding(
         ),
         log_likelihood_gain=cause.gain,
         false_alarm_probability=cause.false_alarm,
-        share_of_explainable=float(np.clip((without - with_it) / bound, 0.0, 1.0)),
+        share_of_explainable=_share(scores, [c.candidate for c in causes], cause.candidate),
         alternatives=within or near,
         rivals=rivals,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
         contest=_contest(evidence, scores, cause, others, len(within)) if ambiguous else None,
     )
+
+
+def _share(scores: Scores, chosen: Sequence[int], own: int) -> float:
+    """Of what all causes explain, and could, wherever this one acts, how much is lost when its own torque is left out.
+
+    Everything else stays as it was fitted with it: links that may bend within their tolerance, or that are free, and
+    other causes would take its place for a part, and a payload that rules everything would read a few percent.
+    """
+    model, given = scores.model(chosen), scores.design.given
+    candidate = scores.design.candidates[own]
+    channels = list(candidate.channels)
+    others = ~np.isin(model.active, candidate.columns)
+    nothing, without, whole = (
+        model.squares_with(model.active[kept], model.value[kept])[channels].sum() / scores.total.rows
+        for kept in (model.active < given, others, np.ones_like(others))
+    )
+    bound = max(nothing - min(whole, len(channels)), 1e-12)
+    return float(np.clip((without - whole) / bound, 0.0, 1.0))
 
 
 def _contest(evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[int], count: int) -> Contest:

@@ -17,7 +17,7 @@ from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.diagnosis.answer import MOTOR, Diagnosis, Finding, Residual
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
-from estimator.diagnosis.diagnose import judge, verdict
+from estimator.diagnosis.diagnose import Judged, judge, verdict
 from estimator.diagnosis.evidence import EXACT, Evidence
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grams import sum_up, total
@@ -46,12 +46,8 @@ def with_drives(
     joints' sensors. Findings in the drives have the channel `MOTOR`; their torque is the motor's. Raises InputError
     when no joint has both torques.
     """
-    for one, other in zip(motors, sensors, strict=True):
-        if one.q.shape != other.q.shape or not np.array_equal(one.t, other.t):
-            raise InputError(one.name, f"is not the recording {other.name}", "give both torques of one motion")
-    judged = judge(_gathered(body, motors, sensors))
+    judged = judge_drives(body, motors, sensors)
     evidence, refined = judged.evidence, judged.refined
-    own = tuple(_in_drive(finding) for finding in judged.findings)
     rows = total(plain_blocks(refined.design, evidence.pieces, evidence.decimations))
     before = np.sqrt(residual_power(refined.design, rows, np.zeros(refined.design.size)))
     after = np.sqrt(residual_power(refined.design, rows, refined.value))
@@ -62,7 +58,7 @@ def with_drives(
         for k, channel in enumerate(evidence.grid.channels)
     }
     drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, body.joints)
-    findings = (*found.findings, *own)
+    findings = (*found.findings, *judged.findings)
     return replace(
         found,
         verdict=verdict(findings, found.unexplained),
@@ -70,6 +66,15 @@ def with_drives(
         drive_residual=residuals,
         traces=replace(found.traces, signatures=(*found.traces.signatures, *drawn)),
     )
+
+
+def judge_drives(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> Judged:
+    """The causes in the drives alone, arguments and errors as for `with_drives`."""
+    for one, other in zip(motors, sensors, strict=True):
+        if one.q.shape != other.q.shape or not np.array_equal(one.t, other.t):
+            raise InputError(one.name, f"is not the recording {other.name}", "give both torques of one motion")
+    judged = judge(_gathered(body, motors, sensors))
+    return replace(judged, findings=tuple(_in_drive(finding) for finding in judged.findings))
 
 
 def _in_drive(finding: Finding) -> Finding:

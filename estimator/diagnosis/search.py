@@ -168,16 +168,30 @@ class Search:
             if not hypothesis.effect.contains:
                 continue
             others = [c for c in chosen if c != k]
-            parts = [self._best_of(name, candidate, others) for name in hypothesis.effect.contains]
-            parts = [part for part in parts if part is not None and part not in others]
+            names = hypothesis.effect.contains
             best, support = chosen, self.scores.support(chosen)
-            for count in range(1, len(parts) + 1):
-                for subset in combinations([p for p in parts if p is not None], count):
-                    trial = [*others, *subset]
+            for count in range(1, len(names) + 1):
+                for some in combinations(names, count):
+                    if not (parts := self._parts(some, candidate, others)):
+                        continue
+                    trial = [*others, *parts]
                     if (value := self.scores.support(trial)) > support:
                         best, support = trial, value
             chosen = best
         return chosen
+
+    def _parts(self, names: Sequence[str], candidate: Candidate, others: Sequence[int]) -> list[int]:
+        """The candidates of these effects at the same place that add most to the others, each beside the rest of them:
+        how sharp a Coulomb friction's sign is shows only beside the viscous one. None of those that are chosen there
+        already; empty where there are no others."""
+        parts: dict[str, int] = {}
+        for name in names if len(names) == 1 else (*names, *names):
+            rest = [*others, *(part for own, part in parts.items() if own != name)]
+            best = self._best_of(name, candidate, rest)
+            if best is None or best in others:
+                return []
+            parts[name] = best
+        return list(parts.values())
 
     def _best_of(self, name: str, candidate: Candidate, others: Sequence[int]) -> int | None:
         """The candidate of the named effect at the same place that adds most to the others."""
