@@ -99,7 +99,7 @@ def test_what_lies_between_motor_and_sensor_is_named(
     drives = answer["drive_residual"]
     assert all(r["after_rms"] < 0.1 * r["before_rms"] for r in drives.values())
     # The sensor's torque is the model's: nothing of a drive is in the model of the arm.
-    assert read_model(tmp_path / "out" / "model.toml").effect == []
+    assert not read_model(tmp_path / "out" / "model.toml").effect
 
 
 def test_torques_of_some_motors_are_refused(tmp_path: Path) -> None:
