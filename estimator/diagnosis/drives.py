@@ -20,7 +20,7 @@ from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_
 from estimator.diagnosis.diagnose import Judged, judge, verdict
 from estimator.diagnosis.evidence import EXACT, Evidence
 from estimator.diagnosis.folds import folds_of, parts_of
-from estimator.diagnosis.grams import sum_up, total
+from estimator.diagnosis.grams import sheets, total
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER, Noise, assumed_noise
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
@@ -115,7 +115,7 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
             [stretch_rows(design, piece, d, unit) for piece, d in zip(pieces, decimations, strict=True)], unseen
         )
     parts = parts_of(len(motors), repeats)
-    blocks = sum_up(design, pieces, decimations, noise, parts)
+    blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     if not blocks:
         raise InputError(motors[0].name, "is too short to judge a drive by", "record at least some seconds of motion")
     folds = folds_of(blocks, len(motors), repeats)

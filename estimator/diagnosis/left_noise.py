@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.grams import sum_up
+from estimator.diagnosis.grams import sheets
 from estimator.diagnosis.noise import WIDENED, autocovariance, autoregressive
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import rows_of
@@ -34,5 +34,5 @@ def by_what_is_left(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -
     less = rms < noise.rms
     filters = np.array([autoregressive(row, free) for row in covariance])
     told = replace(noise, filters=np.where(less[:, None], filters, noise.filters), rms=np.where(less, rms, noise.rms))
-    blocks = sum_up(design, evidence.pieces, evidence.decimations, told, evidence.parts)
+    blocks = [sheet.compact() for sheet in sheets(design, evidence.pieces, evidence.decimations, told, evidence.parts)]
     return replace(evidence, noise=told, blocks=tuple(blocks))
