@@ -1,7 +1,7 @@
 """Processor time of a diagnosis: 60 s of six-joint motion, all hypotheses, with cross-validation, on one core.
 
-Reading the files is not counted. The reference is the goal, 2 s a hundred hypotheses; beside it stands how many
-hypotheses there were.
+Reading the files is not counted. The figure is for a hundred hypotheses, as the goal is; beside it stands how many there
+were.
 """
 
 from __future__ import annotations
@@ -60,5 +60,6 @@ def measure() -> list[Figure]:
     one_core = dict(os.environ, OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
     command = [sys.executable, "-c", "from benchmarks.bench_diagnose import child; child()"]
     told = json.loads(subprocess.run(command, env=one_core, capture_output=True, text=True, check=True).stdout)
-    said = f"{told['hypotheses']} hypotheses, {told['seconds']:.0f} s of motion; goal 2 s"
-    return [Figure("diagnose_time", told["spent"], "s of CPU", said, GOAL_SECONDS)]
+    said = f"{told['hypotheses']} hypotheses, {told['seconds']:.0f} s of motion; goal 2 s a hundred"
+    a_hundred = 100.0 * told["spent"] / told["hypotheses"]
+    return [Figure("diagnose_time", a_hundred, "s of CPU a hundred hypotheses", said, GOAL_SECONDS)]
