@@ -1,7 +1,7 @@
 """Processor time of a diagnosis: 60 s of six-joint motion, all hypotheses, with cross-validation, on one core.
 
-Reading the files is not counted. The figure is for a hundred hypotheses, as the goal is; beside it stands how many there
-were.
+Reading the files is not counted. The figure is for a hundred hypotheses, as the goal is; beside it stands how many
+there were.
 """
 
 from __future__ import annotations
