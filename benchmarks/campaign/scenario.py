@@ -30,6 +30,9 @@ ALL = {**CATALOGUE, **OUTSIDE}
 SCATTER = (0.0, 0.02, 0.05)
 CURRENT_LOOP_HZ = 1e6
 """Far above the plant's tick: at 5 kHz the current is 32 µs late, which a finder may rightly name."""
+RECORDED_HZ = 500.0
+"""The cycle of the geared arms, which a recorder keeps whole. Every second sample of that would fold what the servo
+answers to its encoder's counts into the band, three times the sensors' noise on the PUMA."""
 JITTER_S = (0.0, 2e-5, 1e-4)
 TRIES = 12
 """Joints and forms that are tried before a cause is given up on an arm."""
@@ -188,7 +191,7 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
         installation=installation,
         playlist=playlist,
         hidden=hidden,
-        every=int(RATE_HZ / (500.0 if plan.arm == "dda" else 250.0)),
+        every=int(RATE_HZ / RECORDED_HZ),
         jitter_s=float(rng.choice(JITTER_S)),
         seed=int(rng.integers(2**31)),
         noise=sensors,
