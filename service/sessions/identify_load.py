@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from config import InputError, Installation
 from config.schema import Mode
+from service.identification.load_file import read_loads, read_one_load
 from service.identification.request import LoadForm, LoadRequest, Tolerance
 from service.identification.worker import in_worker
 from service.sessions.moving import MovingArm, SessionController, plan_rest
@@ -64,6 +65,12 @@ class IdentifyLoad:
             for when in ("before", "after")
         )
         self._plans = [before, *played, after]
+        # A file that holds no load is told before the arm has moved for nothing.
+        if arguments.library is not None:
+            read_loads(arguments.library)
+        for path in (arguments.expect, arguments.hand):
+            if path is not None:
+                read_one_load(path)
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump(mode="json")

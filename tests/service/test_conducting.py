@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from config import InputError
+from config import InputError, load_installation
 from driver.cyclic.cycle import LoopState
 from service.outcomes import ArmStopped
 from service.sessions.conductor import Conductor
+from service.sessions.identify_load import IdentifyLoad, IdentifyLoadArguments
 from service.sessions.store import SessionStore
 
 
@@ -134,3 +135,11 @@ def test_a_spoilt_record_hides_no_other(tmp_path: Path) -> None:
     sessions = [store.create("run", {}, attached=False, uid=0) for _ in range(3)]
     (sessions[1].directory / "session.json").write_text("{")
     assert store.end_abandoned() == [sessions[0].id, sessions[2].id]
+
+
+@pytest.mark.parametrize("role", ["library", "expect", "hand"])
+def test_files_of_loads_are_read_before_anything_moves(role: str, tmp_path: Path) -> None:
+    wrong = tmp_path / "loads.toml"
+    wrong.write_text('format = 1\nkind = "loads"\n[[load]]\nname = "block"\nmass = "two"\ncentre = [0, 0, 0]\n')
+    with pytest.raises(InputError, match=r"loads\.toml: load\.0\.mass"):
+        IdentifyLoad(load_installation("dda"), IdentifyLoadArguments.model_validate({role: wrong}))
