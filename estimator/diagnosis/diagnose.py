@@ -109,7 +109,7 @@ def judge(evidence: Evidence) -> Judged:
 
 
 def _searched(evidence: Evidence) -> tuple[Scores, list[Cause]]:
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
     return scores, Search(scores).run()
 
 

@@ -21,9 +21,6 @@ Array = NDArray[np.float64]
 
 _DEPTHS = 3.0
 """As many independent tests behave like all depths of one map: each holds those before it."""
-_CONFIDENCE = 0.5
-"""Of a surprise, −log probability, what counts. The noise is worked out as even and of one colour; what a servo's
-counting adds comes and goes with the motion, and on clean arms surprises come out up to twice as large as chance's."""
 _TOLD = 1e-9
 """Share of a column's energy that each keeps at least: what the model has taken of it whole is no surprise."""
 
@@ -57,7 +54,7 @@ def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
         joint = design.channels[channel].index
         chance = -np.expm1(-len(maps) * _DEPTHS * np.exp(-surprise))
         variance = 2.0 * gain / (scores.weights[channel] * scores.total.rows)
-        own = Misfit(k, float(variance), float(chance**_CONFIDENCE))
+        own = Misfit(k, float(variance), float(chance))
         if joint not in result or own.false_alarm < result[joint].false_alarm:
             result[joint] = own
     return result

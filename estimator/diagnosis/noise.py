@@ -35,6 +35,9 @@ class Noise:
     """Behind the variances; 0 where they are assumed."""
     playings: int
     """How many playings of repeated motions they come from; 0 without repeats."""
+    news: Array
+    """(channels,) of what independent rows would tell, how much these do: playings of one motion tell errors that they
+    have in common more than once. One without such errors."""
 
     @property
     def likely(self) -> Array:
@@ -46,7 +49,7 @@ class Noise:
         """Leaves rows as they are."""
         filters = np.zeros((channels, ORDER + 1))
         filters[:, 0] = 1.0
-        return cls(filters, np.ones(channels), 0.0, 0)
+        return cls(filters, np.ones(channels), 0.0, 0, np.ones(channels))
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
@@ -75,6 +78,12 @@ def autoregressive(autocovariance: Array, rows: float) -> Array:
     innovation *= 1.0 + 2.0 * order / rows
     result[: order + 1] = np.append(1.0, -prediction) / np.sqrt(innovation)
     return result
+
+
+def whitened_variance(filters: Array, covariance: Array) -> Array:
+    """(channels,) variance of errors with this autocovariance (channels, ORDER + 1) after each channel's filter."""
+    lags = np.abs(np.subtract.outer(np.arange(ORDER + 1), np.arange(ORDER + 1)))
+    return np.asarray(np.einsum("ka,kab,kb->k", filters, covariance[:, lags], filters))
 
 
 def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
@@ -109,6 +118,7 @@ def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=0.0,
         playings=0,
+        news=np.ones(len(covariance)),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.noise import Noise, autocovariance, autoregressive, runs
+from estimator.diagnosis.noise import Noise, autocovariance, autoregressive, runs, whitened_variance
 from estimator.diagnosis.stretches import Grid, Stretch
 from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, aligned
@@ -77,11 +77,16 @@ def repeated_noise(rows: Sequence[Array], unseen: Array) -> Noise | None:
     if freedom < _LEAST_ROWS:
         return None
     covariance = autocovariance(deviations) + unseen
+    filters = np.array([autoregressive(row, freedom) for row in covariance])
+    # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
+    again = sum(stack[..., 0].size for stack in rows) / sum(stack.shape[1] for stack in rows) - 1.0
+    share = np.clip(whitened_variance(filters, unseen), 0.0, 1.0)
     return Noise(
-        filters=np.array([autoregressive(row, freedom) for row in covariance]),
+        filters=filters,
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=float(freedom),
         playings=sum(len(stack) for stack in rows),
+        news=1.0 / (1.0 + again * share),
     )
 
 

@@ -23,14 +23,18 @@ _SAME_ORDER = 0.5
 class Scores:
     """Of candidates and sets of them, at the present weights of the channels; worked out once, and remembered."""
 
-    def __init__(self, design: Design, blocks: Sequence[Block | Sheet], folds: Sequence[int]) -> None:
-        """``folds`` says for each block which fold it is left out with."""
+    def __init__(
+        self, design: Design, blocks: Sequence[Block | Sheet], folds: Sequence[int], news: Array | None = None
+    ) -> None:
+        """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
+        independent rows would tell these do (`Noise.news`), all of it where none is given."""
         self.design = design
         self.total = total(blocks)
         self.groups = groups_of(design)
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
-        self.weights = np.ones(len(design.channels))
+        self._news = np.ones(len(design.channels)) if news is None else news
+        self.weights = self._news.copy()
         self._blocks, self._folds = blocks, folds
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
@@ -57,7 +61,7 @@ class Scores:
 
     def reweigh(self, chosen: Sequence[int]) -> None:
         """What is not explained counts as noise: a channel weighs the less the worse it is understood."""
-        self.weights = 1.0 / np.maximum(1.0, self.excess(chosen))
+        self.weights = self._news / np.maximum(1.0, self.excess(chosen))
         self._forget()
 
     def size(self, candidate: int) -> int:

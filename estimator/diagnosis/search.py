@@ -18,8 +18,8 @@ _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
 _REST = 10.0
 """Times what is left beyond the noise, and at least the noise, that a cause explains which completes the model."""
-LEAST_SEEN = 0.02
-"""Of the noise's variance in one of its channels, what a cause must explain: a seventh of its standard deviation.
+LEAST_SEEN = 0.01
+"""Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
 _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""

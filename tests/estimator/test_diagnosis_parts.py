@@ -12,7 +12,8 @@ from estimator import Trajectory
 from estimator.diagnosis.bounded import bounded_fits
 from estimator.diagnosis.grains import counts, repeated_white
 from estimator.diagnosis.maps import hats
-from estimator.diagnosis.noise import ORDER, autocovariance, autoregressive
+from estimator.diagnosis.noise import ORDER, autocovariance, autoregressive, whitened_variance
+from estimator.diagnosis.repetition import repeated_noise
 from estimator.repeats import find_repeats
 
 Array = NDArray[np.float64]
@@ -73,6 +74,32 @@ def test_whitened_noise_is_white_with_unit_variance() -> None:
     assert len(taps) == ORDER + 1
     assert abs(whitened.var() - 1.0) < 0.05
     assert abs(np.corrcoef(whitened[1:], whitened[:-1])[0, 1]) < 0.03
+
+
+def test_the_part_of_a_noise_that_is_left_by_its_whitening_filter() -> None:
+    random = np.random.default_rng(4)
+    taps = random.normal(size=(2, ORDER + 1))
+    error = np.convolve(random.normal(size=50_000), [1.0, 0.5, -0.3], mode="valid")
+    covariance = np.tile(autocovariance([error[:, None]])[0], (2, 1))
+    filtered = [np.convolve(error, own, mode="valid").var() for own in taps]
+    np.testing.assert_allclose(whitened_variance(taps, covariance), filtered, rtol=0.02)
+
+
+def test_errors_that_all_playings_have_in_common_are_told_once() -> None:
+    """What a projection on one column scatters by is what the rows are said to tell."""
+    random = np.random.default_rng(5)
+    motions, count, shared, own = 200, 3, 0.3, 0.2
+    common = shared * random.normal(size=(motions, 1, 80, 1))
+    rows = common + own * random.normal(size=(motions, count, 80, 1))
+    unseen = np.zeros((1, ORDER + 1))
+    unseen[0, 0] = shared**2
+    noise = repeated_noise(list(rows), unseen)
+    alone = repeated_noise(list(rows - common), np.zeros_like(unseen))
+    assert noise is not None and alone is not None
+    np.testing.assert_allclose(alone.news, 1.0)
+    column = random.normal(size=80)
+    products = (rows[..., 0] @ column).sum(axis=1) * noise.filters[0, 0]
+    np.testing.assert_allclose(count * (column @ column) / np.var(products), noise.news[0], rtol=0.25)
 
 
 def test_a_map_interpolates_and_holds_its_ends() -> None:
