@@ -11,6 +11,7 @@ from rich.table import Table
 
 from learner.practice import Practice
 from service.practice.course import Course
+from service.practice.held_joints import held_answer
 from service.practice.trials import ActuationLag
 
 Array = NDArray[np.float64]
@@ -25,7 +26,18 @@ def certificate_answer(found: Course) -> dict[str, Any]:
         "mode": found.practised.mode,
         "model": found.model.source,
         **found.certificate.as_json(),
+        **held_answer(found, _counting(found), "what its encoder's counts leave"),
     }
+
+
+def _counting(found: Course) -> Array:
+    """(n,) rad/s that encoders' counts alone leave of a perfect trial; 0 where velocities are measured, or nothing is
+    to be learnt."""
+    reference = found.practised.reference
+    if not found.certificate.admitted:
+        return np.zeros(reference.n)
+    powers = [trial.velocity_error_rms(reference) ** 2 for trial in found.as_counted()]
+    return np.asarray(np.sqrt(np.mean(powers, axis=0)))
 
 
 def certificate_report(answer: dict[str, Any]) -> list[RenderableType]:
@@ -49,6 +61,7 @@ def certificate_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"over the motion's samples, were the model exact: growth in one trial at most "
         f"{answer['finite_interval']['norm']:.3g}, greatest eigenvalue without band limit "
         f"{answer['finite_interval']['eigenvalue']:.3g}",
+        *answer["held_joints"],
     ]
 
 
@@ -84,6 +97,7 @@ def practice_answer(
             for lesson in practice.lessons
         ],
         "certificate": found.certificate.as_json(),
+        **held_answer(found, practice.repeatability.velocity, "repeatability"),
         "stopped_because": stopped_because,
     }
 
@@ -105,6 +119,7 @@ def practice_report(answer: dict[str, Any]) -> list[RenderableType]:
         f"{answer['motion']} in {answer['mode']}, {answer['operator']} operator, by {answer['model']}",
         f"certificate: {certificate['verdict']}, {certificate['reason']}",
         table,
+        *answer.get("held_joints", []),
         f"stopped because {answer['stopped_because']}",
         *(f"taught: {taught_text(one)}" for one in answer.get("taught", [])),
         *(f"{what}: {answer[what]}" for what in ("feedforward", "plot") if answer.get(what)),

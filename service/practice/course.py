@@ -15,6 +15,9 @@ from learner.inverse_model import DecoupledModel, mean_inertia
 from learner.kinematics import Kinematics
 from learner.operators import LearningOperator, ModelOperator, ProportionalOperator
 from learner.practice import Task, prepare
+from learner.sticking import Sticking, sticking
+from learner.trial import Trial
+from learner.velocity_sensor import as_read
 from service.practice.inverse_models import ArmTorques, load_inverse_model
 from service.practice.planning import INERTIA_TOLERANCE, UNKNOWN_DELAY_S, Practised, practised_motion
 
@@ -71,6 +74,16 @@ class Course:
             p.timing,
             p.limits,
         )
+
+    @property
+    def sticking(self) -> Sticking:
+        """What the model's dry friction does to the first trial."""
+        return sticking(self.model, self.model.sliding, self.practised.reference, self.practised.loop)
+
+    def as_counted(self) -> list[Trial]:
+        """The wanted motion as the encoders of joints without velocity sensors would tell it, see `as_read`."""
+        p = self.practised
+        return as_read(p.reference, p.count_rad, ~p.velocity_measured, self.certificate.band_hz)
 
 
 def course(asked: PracticeArguments, installation: Installation) -> Course:

@@ -39,6 +39,7 @@ def practice_page(answer: Answer) -> str:
         section(
             "Certificate",
             element("p", f"{certificate['verdict']}: {certificate['reason']}"),
+            *(element("p", sentence) for sentence in answer.get("held_joints", [])),
             folded("Gain of an error from trial to trial", _gain(certificate)),
         ),
         section(

@@ -17,7 +17,7 @@ from driver.plan import Plan
 from driver.recording import Recording, read_recording
 from learner.practice import Practice
 from learner.trial import Timing, Trial
-from learner.velocity_sensor import VelocityCalibration, as_read, calibrate, from_angles
+from learner.velocity_sensor import VelocityCalibration, calibrate, from_angles
 from service.practice.answers import practice_answer, ratio_text
 from service.practice.course import Course, PracticeArguments, course
 from service.practice.record import Play, PlayKind, PracticeRecord, read_feedforward, read_record, write_feedforward
@@ -161,10 +161,8 @@ class Practise:
         # The shift of the replays' own feedforward is part of what they lacked.
         self._task = replace(self._task, timing=timing)
         calibration = calibrate(raw, reference)
-        practised, band = self._course.practised, self._task.certificate.band_hz
-        counted = as_read(reference, practised.count_rad, ~practised.velocity_measured, band)
         trials = [self._acting(*pair, calibration) for pair in zip(recordings, raw, strict=True)]
-        practice = Practice(self._task, trials, self._asked.hand_picked_hz, counted)
+        practice = Practice(self._task, trials, self._asked.hand_picked_hz, self._course.as_counted())
         return practice, calibration, lag
 
     def _trial(self, path: Path, calibration: VelocityCalibration) -> Trial:
