@@ -50,7 +50,7 @@ class Lockstep:
                     self._usual.forget()
                     self.handle(self._ticker)
                 else:
-                    self._tell(end_ns)
+                    self._tell(end_ns, self._rig.power_stage.senses.serial_bytes)
                     self._ticked = True
                     self._answer()
         return True
@@ -112,6 +112,7 @@ class Lockstep:
 
     def _advance(self, t_ns: int, others: Sequence[Connection]) -> None:
         rig = self._rig
+        looks = t_ns == rig.now_ns
         while True:
             due_ns = t_ns
             for other in others:
@@ -120,15 +121,16 @@ class Lockstep:
             rig.advance(due_ns)
             if due_ns == t_ns:
                 break
-        self._tell(t_ns)
+        # Who asks without moving time has just configured a sensor: no tick has latched what that has carried.
+        self._tell(t_ns, rig.power_stage.carried_now() if looks else rig.power_stage.senses.serial_bytes)
 
-    def _tell(self, t_ns: int) -> None:
-        """Mark on every bus that time has come to ``t_ns``."""
+    def _tell(self, t_ns: int, serial_bytes: Sequence[int]) -> None:
+        """Mark on every bus that time has come to ``t_ns``, and on the first what the serial lines have carried."""
         told = mark(MARK_KIND, t_ns)
         for port in self._ports[1:]:
             for connection in port.connections:
                 connection.tell(told)
-        for number, total in enumerate(self._rig.power_stage.senses.serial_bytes):
+        for number, total in enumerate(serial_bytes):
             told = mark(SERIAL, number | (total & 0xFFFF_FFFF) << 32) + told
         for connection in self._ports[0].connections:
             connection.tell(told)

@@ -253,10 +253,19 @@ class LockstepExchange(Exchange):
         """How many bytes each sensor's line had carried altogether at the end of `collect`, by sensor number."""
         return self.channels[0].serial_bytes
 
-    def look(self) -> None:
-        """Learn the state of the lines without moving time: a tick to now."""
-        self.channels[0].tick(self._now_ns)
-        self.channels[0].wait_mark(self._now_ns, self._buffers[0])
+    def look(self) -> dict[int, int]:
+        """How many bytes each sensor's line has carried by now, without moving time: a tick to now.
+
+        No frame passes while time stands; the other buses' marks come before the first one's.
+        """
+        try:
+            self.channels[0].tick(self._now_ns)
+            self.channels[0].wait_mark(self._now_ns, self._buffers[0])
+            for channel, buffer in zip(self.channels[1:], self._buffers[1:], strict=True):
+                channel.drain(buffer)
+        except ChannelFault as fault:
+            self._fault(0, fault)
+        return self.serial_bytes
 
 
 def open_channels(installation: Installation) -> list[Channel]:

@@ -73,10 +73,7 @@ class CyclicLoop:
             self._commission(installation.modes[0], progress)
             progress("wrench sensors")
             self._lines = WrenchLines(installation)
-            exchange = self._live()
-            if isinstance(exchange, LockstepExchange) and self._lines:
-                exchange.look()
-                self._lines.anchor(exchange.serial_bytes)
+            self._count_serial_bytes()
             self._settle()
         except BaseException:
             self.close()
@@ -95,6 +92,7 @@ class CyclicLoop:
             self._settle()
         if self._lines is not None:
             self._lines.reopen_lost()
+            self._count_serial_bytes()
         require_inside(self.installation, self._feedback)
         self.machine.enable(answer)
 
@@ -266,6 +264,11 @@ class CyclicLoop:
 
     def _announce(self, sentence: str) -> None:
         self._events.append(sentence)
+
+    def _count_serial_bytes(self) -> None:
+        """Lockstep announces how many bytes a sensor's line has carried: take up counting on lines just opened."""
+        if isinstance(self._exchange, LockstepExchange) and self._lines:
+            self._lines.anchor(self._exchange.look)
 
     def _settle(self) -> None:
         """Run until every drive has been heard of, or has been silent for too long."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import select
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 
 from config import Installation
@@ -19,8 +20,8 @@ QUIET_S = 0.1
 class _Line:
     def __init__(self, port: WrenchPort, parser: WrenchParser) -> None:
         self.port, self.parser = port, parser
-        self.baseline = 0
-        """Lockstep: bytes that the line had carried before this loop opened it."""
+        self.baseline: int | None = None
+        """Lockstep: bytes that the line had carried before this port was opened; None before that was asked."""
         self.lost = False
         self.was_stale = True
 
@@ -42,12 +43,18 @@ class WrenchLines:
     def __bool__(self) -> bool:
         return bool(self._lines)
 
-    def anchor(self, totals: dict[int, int]) -> None:
-        """Lockstep, time standing still: everything announced so far is read away; counting starts here."""
+    def anchor(self, look: Callable[[], Mapping[int, int]]) -> None:
+        """Lockstep, time standing still: on lines just opened what came so far is read away and counting starts.
+
+        ``look`` tells how many bytes each line has carried altogether.
+        """
         for number, line in enumerate(self._lines):
-            while select.select([line.port], [], [], QUIET_S)[0] and line.port.read():
-                pass
-            line.baseline = totals.get(number, line.port.received) - line.port.received
+            if line.lost or line.baseline is not None:
+                continue
+            try:
+                line.baseline = _carried_before(line.port, number, look)
+            except SensorLost as lost:
+                self._lose(line, lost)
 
     def reopen_lost(self) -> None:
         """Take up sensors again that were unplugged, between motions. Raises InputError when one is still absent."""
@@ -56,7 +63,7 @@ class WrenchLines:
                 line.port.close()
                 port = WrenchPort.open(line.port.sensor)
                 port.configure()
-                line.port, line.parser, line.lost = port, make_parser(port.sensor), False
+                line.port, line.parser, line.lost, line.baseline = port, make_parser(port.sensor), False, None
                 self.events.append(f"wrench sensor {port.sensor.name}: back")
 
     def read(self, now_ns: int, totals: dict[int, int] | None = None) -> tuple[list[Serial], WrenchSample | None]:
@@ -113,11 +120,27 @@ class WrenchLines:
         try:
             if total is None:
                 return line.port.read()
-            return line.port.read_up_to(total - line.baseline, LOCKSTEP_TIMEOUT_S)
+            return line.port.read_up_to(total - (line.baseline or 0), LOCKSTEP_TIMEOUT_S)
         except SensorLost as lost:
-            line.lost = True
-            self.events.append(str(lost))
+            self._lose(line, lost)
             return b""
+
+    def _lose(self, line: _Line, why: SensorLost) -> None:
+        line.lost = True
+        self.events.append(str(why))
+
+
+def _carried_before(port: WrenchPort, number: int, look: Callable[[], Mapping[int, int]]) -> int:
+    """Bytes that the line of sensor ``number`` has carried beyond those that ``port`` has received.
+
+    Asked until nothing has come meanwhile: what was on its way when the line was counted would be counted twice.
+    """
+    while True:
+        received, total = port.received, look().get(number, 0)
+        while select.select([port], [], [], QUIET_S)[0] and port.read():
+            pass
+        if port.received == received:
+            return total - received
 
 
 def _condition(parser: WrenchParser, *, stale: bool) -> str:

@@ -113,6 +113,7 @@ def _session(bench: Bench, arm: StandIn, scenario: Scenario) -> Seen:
     reset = None
     if scenario.resets is not None:
         reset = (bench.reset() if stopped else bench.enable_again(scenario.mode)) is None
+        reset = reset and bench.until(lambda: not any(s.stale for s in bench.loop.status().sensors), AFTER_S)
     return Seen(
         scenario,
         "stops" if stopped else "goes on",

@@ -71,7 +71,7 @@ class PowerStage:
         """Move these sensors on with the arm; before time moves."""
         self._sensors = sensors
         for senses in self._latched:
-            senses.serial_bytes = [sensor.total_bytes for sensor in sensors]
+            senses.serial_bytes = self.carried_now()
 
     def at_tick(self) -> Senses:
         """What is sensed at the servo tick that is due now; `demand` must follow."""
@@ -93,6 +93,10 @@ class PowerStage:
                 sensor.advance(self._arm.time_ns)
             self._latched.append(self._latch())
 
+    def carried_now(self) -> list[int]:
+        """Bytes each sensor's line has carried altogether, beyond the last tick too."""
+        return [sensor.total_bytes for sensor in self._sensors]
+
     def serve_sensors(self) -> None:
         """Let the sensors see to what the host has written to them."""
         for sensor in self._sensors:
@@ -110,7 +114,7 @@ class PowerStage:
             [_wrapped(arm.counts(i)) for i in indices],
             [factor * arm.velocity(i) for i, factor in zip(indices, self._counts_per_rad, strict=True)],
             [arm.torque(i) for i in indices],
-            [sensor.total_bytes for sensor in self._sensors],
+            self.carried_now(),
         )
 
 
