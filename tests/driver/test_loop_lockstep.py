@@ -249,3 +249,18 @@ def test_the_same_requests_give_the_same_bytes(dda: Installation, stand_in: Stan
     assert len(first) == len(second)
     different = [k for k, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
     assert not different, f"{len(different)} cycles differ, the first is {different[0]}"
+
+
+def test_a_second_host_of_the_same_stand_in_hears_the_wrist_sensor_too(
+    dda: Installation, stand_in: StandIn, tmp_path: Path
+) -> None:
+    """Its line had carried bytes before that host came."""
+    with pytest.MonkeyPatch.context() as patch, stand_in(dda, tmp_path):
+        patch.setenv("ETUDE_RUN", str(tmp_path))
+        for ring_name in ("first", "second"):
+            with ArmLoop.start(dda, lockstep=True, ring_name=ring_name) as arm:
+                arm.enable("csp")
+                (sensor,) = arm.status().sensors
+                assert sensor.condition == "valid", ring_name
+                assert sensor.samples > 10, ring_name
+                arm.disable()
