@@ -11,7 +11,8 @@ LARGEST_BYTES = 64 << 20
 
 def read_text(path: Path) -> str:
     """The file's text. Paths come from clients too, so a pipe (which may never end, or never begin), a device and
-    a path that cannot be one are refused as OSError; UnicodeDecodeError when it is not UTF-8."""
+    a path that cannot be one are refused as OSError; UnicodeDecodeError when it is not UTF-8. The mark that some
+    editors put before UTF-8 is no part of the text."""
     try:
         found = path.stat()
     except ValueError as error:  # a zero byte, half a surrogate
@@ -20,4 +21,4 @@ def read_text(path: Path) -> str:
         raise OSError(0, "it is no file")
     if found.st_size > LARGEST_BYTES:
         raise OSError(0, f"it has more than {LARGEST_BYTES >> 20} MB")
-    return path.read_text(encoding="utf-8")
+    return path.read_text(encoding="utf-8-sig")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -9,6 +10,7 @@ from xml.etree import ElementTree
 from config.errors import InputError
 from config.schema import Installation
 from config.toml_file import nearest, shown
+from config.urdf_numbers import masses, parse_urdf
 
 _MOVABLE = {"revolute", "continuous", "prismatic", "planar", "floating"}
 _TOLERANCE_RAD = 1e-6
@@ -33,6 +35,8 @@ class UrdfOutline:
 
     links: tuple[str, ...]
     joints: dict[str, UrdfJointOutline]
+    masses: dict[str, float]
+    """kg, by link."""
 
     def above(self, joint: str) -> set[str]:
         """The joints between the root and ``joint``."""
@@ -44,19 +48,21 @@ class UrdfOutline:
             link = by_child[link].parent
         return found
 
+    def carries(self, joint: str) -> float:
+        """Mass of all links that ``joint`` moves, kg."""
+        return self.masses.get(self.joints[joint].child, 0.0) + sum(
+            self.masses.get(other.child, 0.0) for name, other in self.joints.items() if joint in self.above(name)
+        )
+
 
 def read_outline(path: Path) -> UrdfOutline:
-    """Links and joints of ``path``. Raises InputError when it is absent, no URDF, or a limit is no number."""
+    """Links and joints of ``path``. Raises InputError when it is absent, no URDF, or a number in it is none."""
     try:
-        robot = ElementTree.parse(path).getroot()
+        robot = parse_urdf(path.read_bytes(), shown(path), "check arm.urdf")
     except OSError as error:
         raise InputError(shown(path), f"cannot be read ({error.strerror})", "check arm.urdf") from None
-    except ElementTree.ParseError as error:
-        raise InputError(shown(path), f"is not XML ({error})", "check arm.urdf") from None
-    if robot.tag != "robot":
-        raise InputError(shown(path), f"is not a URDF: its root is <{robot.tag}>, not <robot>", "check arm.urdf")
     joints = {j.name: j for j in (_joint(element, path) for element in robot.findall("joint"))}
-    return UrdfOutline(tuple(e.get("name", "") for e in robot.findall("link")), joints)
+    return UrdfOutline(tuple(e.get("name", "") for e in robot.findall("link")), joints, masses(robot))
 
 
 def check_urdf(installation: Installation, place: str) -> None:
@@ -75,6 +81,12 @@ def check_urdf(installation: Installation, place: str) -> None:
         for later in outline.above(joint.name) & set(configured[k + 1 :]):
             raise InputError(
                 f"{key}.name", f"{joint.name} comes before {later}, which carries it", "order from the base"
+            )
+        if outline.carries(joint.name) == 0.0:
+            raise InputError(
+                f"{key}.name",
+                f"nothing that {joint.name} moves has a mass in {urdf}, so gravity could not be held",
+                "give its links an <inertial>",
             )
         _check_limits(installation, k, found, f"{key}.limits", urdf)
     if missing := sorted(movable - set(configured)):
@@ -119,11 +131,12 @@ def _joint(element: ElementTree.Element, path: Path) -> UrdfJointOutline:
     def number(key: str) -> float | None:
         text = None if limit is None else limit.get(key)
         try:
-            return None if text is None else float(text)
+            value = None if text is None else float(text)
         except ValueError:
-            raise InputError(
-                f"{shown(path)}: joint {name!r}", f"limit {key}={text!r} is no number", "correct it"
-            ) from None
+            value = math.nan
+        if value is not None and math.isnan(value):
+            raise InputError(f"{shown(path)}: joint {name!r}", f"limit {key}={text!r} is no number", "correct it")
+        return value
 
     low, high = number("lower"), number("upper")
     bounded = kind in ("revolute", "prismatic") and low is not None and high is not None

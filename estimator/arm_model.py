@@ -140,7 +140,7 @@ def diagnosed_model(body: RigidBody, found: Diagnosis) -> ArmModel:
 def identified_model(found: LinkIdentification) -> ArmModel:
     """The model that identifying links gives: the inertial parameters nearest the URDF's with the identified base
     parameters, and the joints' terms as effects."""
-    body = found.body.with_parameters(found.full_parameters(found.body.prior()))
+    body = found.identified_body(found.body.prior())
     rank = found.base.rank
     effects = []
     for term, value, error in zip(found.terms, found.value[rank:], found.standard_error[rank:], strict=True):

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 
 _LEVEL = 0.95
+LEAST_MASS_KG = 1e-9
+"""Below it a mass is the rounding of zero."""
 _LACKS = 0.01
 """False alarms of the lack-of-fit test, over all joints together."""
 
@@ -133,6 +135,15 @@ class LinkIdentification:
         start = np.zeros(self.base.combination.shape[1]) if prior is None else np.asarray(prior, dtype=float)
         correction = np.linalg.pinv(self.base.combination) @ (self.beta - self.base.combination @ start)
         return np.asarray(start + correction)
+
+    def identified_body(self, prior: Array | None = None) -> RigidBody:
+        """The arm with `full_parameters`. A link with moments whose mass no torque tells, and ``prior`` does not know,
+        weighs a kilogram: a body without mass has no centre to keep them by, and any mass has the same torques."""
+        start = np.zeros(self.base.combination.shape[1]) if prior is None else np.array(prior, dtype=float)
+        links = self.full_parameters(start).reshape(-1, 10)
+        bare = (np.abs(links[:, 0]) < LEAST_MASS_KG) & links[:, 1:4].any(axis=1)
+        start[::10][bare] = 1.0
+        return self.body.with_parameters(self.full_parameters(start))
 
     def as_json(self) -> dict[str, Any]:
         """Plain data, SI units; NaN becomes None."""

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from config import InputError
+from config.urdf_numbers import parse_urdf
 
 Array = NDArray[np.float64]
 
@@ -171,7 +172,9 @@ def load_rigid_body(
     try:
         full = pin.buildModelFromXML(text)
     except (RuntimeError, ValueError) as error:
-        raise InputError(place, f"is not a URDF that pinocchio can read ({str(error).splitlines()[0]})") from None
+        raise InputError(
+            place, f"is not a URDF that pinocchio can read ({str(error).splitlines()[0]})", "check its links and joints"
+        ) from None
     known = list(full.names)[1:]
     wanted = [name for name in known if name not in hold] if joints is None else list(joints)
     for name in [*wanted, *hold]:
@@ -223,9 +226,12 @@ def _urdf_text(urdf: str | Path) -> tuple[str, str]:
     if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
         return "URDF", urdf
     try:
-        return str(urdf), Path(urdf).read_text()
+        content = Path(urdf).read_bytes()
+        text = content.decode()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(urdf), f"cannot be read ({error})", "give the path of a URDF file") from None
+    parse_urdf(content, str(urdf), "give the path of a URDF file")
+    return str(urdf), text
 
 
 def _axis(model: Any, index: int, place: str) -> Axis:

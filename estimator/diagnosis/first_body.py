@@ -27,4 +27,4 @@ def first_body(body: RigidBody, trajectories: Sequence[Trajectory]) -> RigidBody
     if has_bodies(body):
         return body
     found = identify_links(body, trajectories, LinkOptions(estimator="weighted"))
-    return body.with_parameters(found.full_parameters())
+    return found.identified_body()

@@ -12,6 +12,7 @@ import typer
 
 from config import InputError
 from config.paths import run_directory
+from service.cli.console import STDOUT
 from service.daemon.client import DaemonClient
 from service.outcomes import NoDaemon
 
@@ -20,8 +21,28 @@ if TYPE_CHECKING:
 
 DEFAULT_ARM = "dda"
 
+
+def _json_target(given: str | None) -> str | None:
+    """Refuse a file that cannot be written before anything is done: an answer without a place would be lost."""
+    if given is None or given == STDOUT:
+        return given
+    path = Path(given)
+    if path.is_dir():
+        raise InputError(f"--json {given}", "is a directory", "name a file, or - for standard output")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        why = "no permission to write there" if path.parent.is_dir() else f"there is no directory {path.parent}"
+        raise InputError(f"--json {given}", f"the answer cannot be written here ({why})", "name another file")
+    return given
+
+
 JsonOption = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write the answer as JSON ('-': standard output).")
+    str | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write the answer as JSON ('-': standard output).",
+        callback=_json_target,
+    ),
 ]
 ArmOption = Annotated[
     str | None,

@@ -22,7 +22,7 @@ ConfigOption = Annotated[str, typer.Option("--config", metavar="FILE", help="Ins
 LockstepOption = Annotated[
     bool, typer.Option("--lockstep", help="Virtual time: deterministic, and as fast as the machine allows.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the stand-in's noise.")]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the stand-in's noise.", min=0)]
 
 
 def up(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,9 +82,9 @@ def parse_holds(given: Sequence[str]) -> dict[str, float]:
     for text in given:
         name, equals, value = text.partition("=")
         try:
-            if not (name and equals):
-                raise ValueError
             number = float(value)
+            if not (name and equals and math.isfinite(number)):
+                raise ValueError
         except ValueError:
             raise InputError(f"--hold {text}", "is not JOINT=VALUE", "write for instance --hold torso=0.1") from None
         if name in holds:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -138,6 +139,36 @@ MISTAKES = [
         '<joint name="joint3" type="prismatic">',
         "installation.toml: joint[2].name: joint3 is prismatic in dda.urdf; configure turning joints only",
     ),
+    (
+        "dda.urdf",
+        'mass value="67.13"',
+        'mass value="67 kg"',
+        "dda.urdf: link 'link1': its <mass value='67 kg'> is not a finite number; write SI units, without their names",
+    ),
+    (
+        "dda.urdf",
+        'mass value="67.13"',
+        'mass value="nan"',
+        "dda.urdf: link 'link1': its <mass value='nan'> is not a finite number; write SI units, without their names",
+    ),
+    (
+        "dda.urdf",
+        'mass value="67.13"',
+        'mass value="-67.13"',
+        "dda.urdf: link 'link1': its mass -67 kg is negative; correct it",
+    ),
+    (
+        "dda.urdf",
+        'axis xyz="0 0 1"',
+        'axis xyz="0 0 0"',
+        "dda.urdf: joint 'joint1': its axis is zero; give a direction",
+    ),
+    (
+        "dda.urdf",
+        'axis xyz="0 0 1"',
+        'axis xyz="0 0"',
+        "dda.urdf: joint 'joint1': its <axis xyz='0 0'> is not 3 finite numbers; write SI units, without their names",
+    ),
 ]
 
 
@@ -148,3 +179,17 @@ def test_mistake_is_named(spoilt: Spoil, file: str, old: str, new: str, sentence
         load_installation(str(path))
     assert str(caught.value).replace(f"{path.parent}/", "") == sentence
     assert str(caught.value).startswith(f"{path.parent}/"), "the file is not named in full"
+
+
+def test_an_arm_of_meshes_alone_has_nothing_to_hold_against_gravity(spoilt: Spoil) -> None:
+    path = spoilt("dda", "dda.urdf", "<link", "<link")
+    urdf = path.with_name("dda.urdf")
+    urdf.write_text(re.sub(r"<inertial>.*?</inertial>", "", urdf.read_text(), flags=re.DOTALL))
+    with pytest.raises(InputError, match=r"joint\[0\]\.name: nothing that joint1 moves has a mass in .*<inertial>"):
+        load_installation(str(path))
+
+
+def test_a_mark_before_utf_8_is_no_part_of_the_text(spoilt: Spoil) -> None:
+    path = spoilt("dda", "installation.toml", "[arm]", "[arm]")
+    path.write_text(path.read_text(), encoding="utf-8-sig")
+    assert load_installation(str(path)).arm.name == "dda"

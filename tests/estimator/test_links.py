@@ -197,3 +197,25 @@ def test_wrong_input_is_named(dda: RigidBody, measured_dda: Recordings) -> None:
     short = Trajectory(recording.t[:40], recording.q[600:640], recording.tau[:40])
     with pytest.raises(InputError, match="too short"):
         identify_links(dda, [short])
+
+
+def test_an_arm_of_meshes_alone_is_identified_and_its_body_has_the_torques(
+    dda: RigidBody, measured_dda: Recordings
+) -> None:
+    """Of some links no torque tells the mass; their moments need one all the same."""
+    recordings = measured_dda()
+    bare = replace(dda, model=dda.model.copy())
+    for inertia in bare.model.inertias:
+        inertia.setZero()
+    found = identify_links(bare, recordings, LinkOptions(terms=()))
+    assert not bare.prior().any()
+    for prior in (None, bare.prior()):
+        body = found.identified_body(prior)
+        for recording in recordings:
+            q, dq = recording.q, recording.dq
+            assert dq is not None
+            ddq = np.gradient(dq, recording.t, axis=0)
+            truth = inverse_dynamics(dda, dda.prior(), q, dq, ddq)
+            np.testing.assert_allclose(
+                inverse_dynamics(body, body.prior(), q, dq, ddq), truth, atol=1e-3 * np.abs(truth).max()
+            )

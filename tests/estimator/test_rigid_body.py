@@ -82,7 +82,7 @@ def test_files_that_are_no_urdf_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         load_rigid_body(tmp_path / "absent.urdf")
     (tmp_path / "broken.urdf").write_text("<robot name='x'><link")
-    with pytest.raises(InputError, match=r"broken\.urdf: is not a URDF"):
+    with pytest.raises(InputError, match=r"broken\.urdf: is not XML"):
         load_rigid_body(tmp_path / "broken.urdf")
 
 

@@ -101,6 +101,8 @@ def test_a_wrong_csv(text: str, said: str, house: Any, capsys: pytest.CaptureFix
         (["identify", "links", "--hold-out", "a.csv"], "--hold-out"),
         (["identify", "links", "a.csv", "--hold", "torso"], "JOINT=VALUE"),
         (["identify", "links", "a.csv", "--hold", "torso=up"], "JOINT=VALUE"),
+        (["identify", "links", "a.csv", "--hold", "torso=nan"], "JOINT=VALUE"),
+        (["virtual", "--config", "dda", "--seed", "-1"], "--seed"),
         (["identify", "links", "a.csv", "--estimator", "magic"], "magic"),
         (["identify", "links", "a.csv", "--arm", "nothing.urdf"], "nothing.urdf"),
         (["up", "--lockstep"], "--virtual"),
@@ -142,6 +144,12 @@ def test_an_interface_that_is_not_there(house: Any) -> None:
     assert "can77" in done.stderr
 
 
-def test_an_answer_that_cannot_be_written(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    told = sentence(capsys, 2, "recordings", "--json", "/nowhere/answer.json")
-    assert "/nowhere/answer.json" in told
+@pytest.mark.parametrize(
+    ("target", "said"), [("/nowhere/answer.json", "there is no directory /nowhere"), (".", "is a directory")]
+)
+def test_an_answer_that_cannot_be_written_is_refused_before_anything_is_done(
+    target: str, said: str, house: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = sentence(capsys, 2, "run", "dda-practice", "--arm", "dda", "--json", target)
+    assert f"--json {target}" in told
+    assert said in told, "and not that no daemon was there to ask"
