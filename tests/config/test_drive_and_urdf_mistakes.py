@@ -155,7 +155,7 @@ MISTAKES = [
         "dda.urdf",
         'mass value="67.13"',
         'mass value="-67.13"',
-        "dda.urdf: link 'link1': its mass -67 kg is negative; correct it",
+        "dda.urdf: link 'link1': its mass -67.13 kg is negative; correct it",
     ),
     (
         "dda.urdf",
