@@ -16,14 +16,12 @@ from config import InputError
 from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.diagnosis.answer import MOTOR, Diagnosis, Finding, Residual
-from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.design import Design, Hypothesis, make_design
 from estimator.diagnosis.diagnose import Judged, judge, verdict
-from estimator.diagnosis.evidence import EXACT, Evidence
-from estimator.diagnosis.folds import folds_of, parts_of
-from estimator.diagnosis.grams import sheets, total
+from estimator.diagnosis.evidence import EXACT, Evidence, weighed
+from estimator.diagnosis.grams import total
 from estimator.diagnosis.maps import MAPS
-from estimator.diagnosis.noise import ORDER, Noise, assumed_noise
-from estimator.diagnosis.repetition import lay, playings, repeated_noise
+from estimator.diagnosis.noise import ORDER
 from estimator.diagnosis.stretches import CHUNK, KINEMATIC, Channel, Grid, Stretch, calm_motion, make_grid, mean_power
 from estimator.diagnosis.tolerance import timing_precision
 from estimator.diagnosis.torques import plain_blocks, residual_power
@@ -103,34 +101,11 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
         raise InputError(
             motors[0].name, "has no gapless stretch long enough to judge", "record at least some seconds of motion"
         )
-    decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     design = _design(body, grid, pieces, min(motor.rate for motor in motors))
     repeats = find_repeats(motors)
     unseen = np.zeros((len(told), ORDER + 1))
     unseen[:, 0] = EXACT**2 * mean_power(pieces)
-    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
-    if noise is None:
-        unit = Noise.none(len(told))
-        noise = assumed_noise(
-            [stretch_rows(design, piece, d, unit) for piece, d in zip(pieces, decimations, strict=True)], unseen
-        )
-    parts = parts_of(len(motors), repeats)
-    blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
-    if not blocks:
-        raise InputError(motors[0].name, "is too short to judge a drive by", "record at least some seconds of motion")
-    folds = folds_of(blocks, len(motors), repeats)
-    return Evidence(
-        design,
-        grid,
-        tuple(pieces),
-        tuple(decimations),
-        tuple(repeats),
-        noise,
-        unseen,
-        tuple(blocks),
-        tuple(folds),
-        parts,
-    )
+    return weighed(design, grid, pieces, unseen, motors, repeats)
 
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:

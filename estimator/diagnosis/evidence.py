@@ -59,7 +59,6 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     given, body = body, first_body(body, trajectories)
     grid = make_grid(body, trajectories)
     pieces = cut(body, grid, trajectories)
-    decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     repeats = find_repeats(trajectories)
     base = base_parameters(body)
     hypotheses = [
@@ -75,8 +74,25 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
-    unseen = _unseen(grid, pieces, decimations, repeated_share(grid.count, repeats))
+    unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
+    return weighed(design, grid, pieces, unseen, trajectories, repeats)
+
+
+def weighed(
+    design: Design,
+    grid: Grid,
+    pieces: Sequence[Stretch],
+    unseen: Array,
+    trajectories: Sequence[Trajectory],
+    repeats: Sequence[RepeatGroup],
+) -> Evidence:
+    """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
+    (channels, ORDER + 1) is added to either.
+
+    Raises InputError when the ``trajectories`` are too short.
+    """
+    decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
     if noise is None:
         plain = Noise.none(len(grid.channels))
@@ -122,10 +138,10 @@ def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Seque
     return np.array([white[channel.equation][channel.index] for channel in grid.channels]) * 2.0 * grid.band / rate
 
 
-def _unseen(grid: Grid, pieces: Sequence[Stretch], decimations: Sequence[int], share: Array) -> Array:
+def _unseen(grid: Grid, pieces: Sequence[Stretch], share: Array) -> Array:
     """(channels, ORDER + 1) autocovariance of the rows' errors that repeats do not show: rounding of the angles that
     recurs, and what nothing is computed more exactly than."""
-    rounded = [Decimator(d)(piece.rounding.T).T for piece, d in zip(pieces, decimations, strict=True)]
+    rounded = [Decimator(grid.decimation(piece.signals.period))(piece.rounding.T).T for piece in pieces]
     covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
     covariance[:, 0] += EXACT**2 * mean_power(pieces)
     return np.asarray(covariance)
