@@ -20,6 +20,7 @@ class AsymmetricFriction(JointEffect):
     zero. theta is the sign's width."""
 
     name = "asymmetric_friction"
+    dry = True
     in_drive = True
     units: ClassVar = {
         "level_positive": "N·m",

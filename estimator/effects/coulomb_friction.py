@@ -24,6 +24,7 @@ class CoulombFriction(JointEffect):
     so that a soft sign is not taken for another effect, and is no parameter of the catalogue."""
 
     name = "coulomb_friction"
+    dry = True
     in_drive = True
     units: ClassVar = {"level": "N·m"}
     hidden = (0,)

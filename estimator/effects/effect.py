@@ -120,6 +120,10 @@ class Effect(Law):
 
     confused_with: ClassVar[tuple[str, ...]] = ()
 
+    dry: ClassVar[bool] = False
+    """Whether its torque turns over with the sign of a speed, and is anything within its level at none."""
+    momentary: ClassVar[bool] = False
+    """Whether its torque is a smooth function of q, dq and ddq of one instant: it can be linearised there."""
     in_drive: ClassVar[bool] = False
     """Whether it acts between a motor and a torque sensor behind its gear: the sensor's torque stands for the model's
     there."""

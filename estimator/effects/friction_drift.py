@@ -23,6 +23,7 @@ class FrictionDrift(JointEffect):
     """(final + (initial − final)·exp(−t/T))·sign(dq), t from the recording's start; theta is T and the sign's width."""
 
     name = "friction_drift"
+    dry = True
     in_drive = True
     units: ClassVar = {"initial": "N·m", "final": "N·m", "time_constant": "s"}
     hidden = (1,)

@@ -18,6 +18,7 @@ class JointSpring(JointEffect):
     """The stiffness may be negative: a counterbalance pushes away from where it is in line with the arm."""
 
     name = "joint_spring"
+    momentary = True
     units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad"}
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)

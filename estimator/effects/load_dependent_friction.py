@@ -19,6 +19,7 @@ class LoadDependentFriction(JointEffect):
     """What is transmitted is taken from the given model; theta is the sign's width."""
 
     name = "load_dependent_friction"
+    dry = True
     in_drive = True
     units: ClassVar = {"coefficient": "–"}
     hidden = (0,)

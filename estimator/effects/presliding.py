@@ -23,6 +23,7 @@ class Presliding(JointEffect):
     """F' = (level − F·sign(dq))·|dq|/δ with δ = level/stiffness, the presliding distance, which is theta."""
 
     name = "presliding"
+    dry = True
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")

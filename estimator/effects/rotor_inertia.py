@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 class RotorInertia(JointEffect):
     name = "rotor_inertia"
+    momentary = True
     in_drive = True
     units: ClassVar = {"inertia": "kg·m²"}
     confused_with = ("link_inertia", "torque_constant_error", "joint_elasticity")

@@ -24,6 +24,7 @@ class StribeckFriction(JointEffect):
     """(c + (s−c)·exp(−(dq/v)²))·sign(dq) + b·dq; theta is v."""
 
     name = "stribeck_friction"
+    dry = True
     in_drive = True
     units: ClassVar = {"level": "N·m", "breakaway": "N·m", "velocity": "rad/s", "coefficient": "N·m·s/rad"}
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")

@@ -26,6 +26,7 @@ class TransmissionCoupling(Effect):
     ``ratio`` times. ``coefficient`` is b, ``level`` c. theta is the ratio and the sign's width."""
 
     name = "transmission_coupling"
+    dry = True
     units: ClassVar = {"joint_other": "–", "ratio": "–", "coefficient": "N·m·s/rad", "level": "N·m"}
     hidden = (1,)
     confused_with = ("coulomb_friction", "viscous_friction")

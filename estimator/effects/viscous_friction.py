@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 class ViscousFriction(JointEffect):
     name = "viscous_friction"
+    momentary = True
     in_drive = True
     units: ClassVar = {"coefficient": "N·m·s/rad"}
     confused_with = ("coulomb_friction", "stribeck_friction")

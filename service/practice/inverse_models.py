@@ -11,24 +11,13 @@ from numpy.typing import NDArray
 from config import Installation
 from config.errors import InputError
 from estimator.arm_model import ArmModel, FittedEffect
+from estimator.effects import effect
 from estimator.regressor import inverse_dynamics
 from service.identification.arm_source import of_installation
 from service.models.model_file import arm_model
 from service.models.store import named_model
 
 Array = NDArray[np.float64]
-MOMENTARY = ("viscous_friction", "rotor_inertia", "joint_spring")
-"""Effects that a linearisation at separate instants may ask: others look at the samples before and after."""
-DRY_FRICTION = (
-    "coulomb_friction",
-    "asymmetric_friction",
-    "stribeck_friction",
-    "load_dependent_friction",
-    "presliding",
-    "friction_drift",
-    "transmission_coupling",
-)
-"""Effects whose torque turns over with the sign of a speed, and is anything within its level at none."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +44,12 @@ class ArmTorques:
     @property
     def momentary(self) -> ArmTorques:
         """The model without what remembers or needs the samples before: for the arm linearised at single instants."""
-        return self._with([one for one in self.model.effects if one.name in MOMENTARY])
+        return self._with([one for one in self.model.effects if effect(one.name).momentary])
 
     @property
     def sliding(self) -> ArmTorques:
         """The model without dry friction: of trial and reference alike, by which a command's error is told."""
-        return self._with([one for one in self.model.effects if one.name not in DRY_FRICTION])
+        return self._with([one for one in self.model.effects if not effect(one.name).dry])
 
     def _with(self, effects: Sequence[FittedEffect]) -> ArmTorques:
         return replace(self, model=replace(self.model, effects=tuple(effects)))
