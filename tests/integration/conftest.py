@@ -32,9 +32,12 @@ def interface_is_up(name: str) -> bool:
 
 @dataclass
 class Bench:
-    """An arm on a bench: its installation file, its directories, and the commands of the house on them."""
+    """An arm on a bench: its installation file, a motion and how far it goes, its directories, and the commands of the
+    house on them."""
 
     config: Path
+    motion: str
+    span_deg: float
     lockstep: bool
     folder: Path
     running: list[SupervisedProcess] = field(default_factory=list)
@@ -75,7 +78,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench_on() -> Iterator[Callable[..., Bench]]:
+def bench_on(for_any_machine: Callable[[Path], Path]) -> Iterator[Callable[..., Bench]]:
     """``bench_on(bus, arm="dda")`` with bus "lockstep", "local" or "socketcan"; the channels are put in the
     installation's own file, nothing else differs."""
     benches: list[Bench] = []
@@ -85,6 +88,7 @@ def bench_on() -> Iterator[Callable[..., Bench]]:
         source = installation_path(arm)
         shutil.copytree(source.parent, folder / arm)
         config = folder / arm / source.name
+        motion, span_deg = "dda-identify-2", 250.0
         if bus == "socketcan":
             text = config.read_text()
             for k in range(text.count('channel = "local:')):
@@ -93,10 +97,8 @@ def bench_on() -> Iterator[Callable[..., Bench]]:
                 text = text.replace(f'channel = "local:{arm}-can{k}"', f'channel = "socketcan:vcan{k}"')
             config.write_text(text)
         elif bus == "local":
-            # Wall-clock time on whatever machine runs the tests: slow enough that its load decides nothing.
-            text = config.read_text().replace("rate_hz = 1000", "rate_hz = 200\nmissed_deadlines_to_stop = 60")
-            config.write_text(text.replace("heartbeat_ms = 20", "heartbeat_ms = 400"))
-        bench = Bench(config, bus == "lockstep", folder)
+            motion, span_deg = str(for_any_machine(config)), 60.0
+        bench = Bench(config, motion, span_deg, bus == "lockstep", folder)
         for name in ("run", "state"):
             (folder / name).mkdir()
         benches.append(bench)
