@@ -21,6 +21,7 @@ Kind = Literal[
     "another arm",
     "torque cut off",
     "dead torque channel",
+    "too short",
 ]
 
 

@@ -14,7 +14,7 @@ from estimator.plausibility.doubt import Doubt
 from estimator.plausibility.given_model import GivenModel, thinned
 from estimator.plausibility.hypotheses import Reading, readings
 from estimator.plausibility.misread import UNRELATED, misread
-from estimator.plausibility.snapshot import CHANNELS, ORDERS, SNAPSHOT_BAND, Fit, Snapshot, fit, inertias, take
+from estimator.plausibility.snapshot import CHANNELS, ORDERS, Fit, Snapshot, fit, inertias, take
 from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
@@ -71,18 +71,31 @@ def examine(body: RigidBody, trajectories: Sequence[Trajectory], believed: bool 
     doubts = examine_motion(body, trajectories)
     shot = take(trajectories)
     if doubts or shot is None:
-        return doubts
+        return doubts or [_too_short(body)]
     base = base_parameters(body)
     found = fit(body, base, shot)
-    if found is not None:
-        doubts = _structure(body, base, shot, found)
+    structure = [] if found is None else _structure(body, base, shot, found)
+    doubts = _examine_torques(GivenModel(body, base), trajectories, shot, structure, believed)
+    return doubts if doubts or found is not None else [_too_short(body)]
+
+
+def _examine_torques(
+    model: GivenModel, trajectories: Sequence[Trajectory], shot: Snapshot, structure: Sequence[Doubt], believed: bool
+) -> list[Doubt]:
+    """What is wrong by the arm's structure or else by its masses; see `examine`."""
+    body, doubts = model.body, list(structure)
     if believed and np.any(body.prior()[::10] > 0.0):
         doubts = [doubt for doubt in doubts if doubt.wrong]
         doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
-        return doubts or _against_model(GivenModel(body, base), trajectories, thinned(shot))
+        return doubts or _against_model(model, trajectories, thinned(shot))
     if believed and body.n >= _COUPLED:
         doubts = [replace(doubt, wrong=True) for doubt in doubts]
     return doubts or torque_against_masses(body, shot)
+
+
+def _too_short(body: RigidBody) -> Doubt:
+    problem = "the recordings are too short to tell whether joints and torques are in order and of the right sign"
+    return Doubt("too short", body.joints, problem, "record three seconds and more", 0.0, False)
 
 
 def examine_motion(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
@@ -99,7 +112,9 @@ def _against_model(model: GivenModel, trajectories: Sequence[Trajectory], shot: 
     if judged is None or model.body.n < 2 or judged.share < UNRELATED:
         return doubts
     size = np.sqrt(np.mean(shot.tau**2, axis=0))
-    told = (judged.expected > _VISIBLE) & (judged.alone * size > _BEYOND_NOISE * _smoothed_noise(trajectories))
+    told = (judged.expected > _VISIBLE) & (
+        judged.alone * size > _BEYOND_NOISE * _smoothed_noise(trajectories, shot.band)
+    )
     if np.count_nonzero(told) < 0.5 * model.body.n:
         return []
     problem = (
@@ -110,13 +125,13 @@ def _against_model(model: GivenModel, trajectories: Sequence[Trajectory], shot: 
     return [Doubt("another arm", model.body.joints, problem, remedy, judged.share, True)]
 
 
-def _smoothed_noise(trajectories: Sequence[Trajectory]) -> Array:
+def _smoothed_noise(trajectories: Sequence[Trajectory], band: float) -> Array:
     """(n,) N·m that the torques' white noise leaves in a snapshot, by their second differences."""
     noises = []
     for trajectory in trajectories:
         second = np.abs(np.diff(trajectory.tau, 2, axis=0))
         white = np.nanmedian(second, axis=0) / (0.6745 * np.sqrt(6.0))
-        noises.append(white * np.sqrt(2.0 * SNAPSHOT_BAND / trajectory.rate))
+        noises.append(white * np.sqrt(2.0 * band / trajectory.rate))
     return np.asarray(np.max(noises, axis=0))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.plausibility.snapshot import SNAPSHOT_BAND, rms, take
+from estimator.plausibility.snapshot import rms, take
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ def missing_motions(body: RigidBody, trajectories: Sequence[Trajectory]) -> list
     if shot is None:
         return []
     still, one_way, one_speed = [], [], []
-    noise = _speed_noise(trajectories)
+    noise = _speed_noise(trajectories, shot.band)
     for joint, (name, dq) in enumerate(zip(body.joints, shot.dq.T, strict=True)):
         slowest = _SLOWEST if body.axes[joint].revolute else _SLOWEST_SLIDING
         if np.abs(dq).max() < max(slowest, _BEYOND_NOISE * noise[joint]):
@@ -59,10 +59,10 @@ def missing_motions(body: RigidBody, trajectories: Sequence[Trajectory]) -> list
     return [f"{', '.join(names)} {what}: {untold}; record {motion}" for names, what, untold, motion in told if names]
 
 
-def _speed_noise(trajectories: Sequence[Trajectory]) -> Array:
+def _speed_noise(trajectories: Sequence[Trajectory], band: float) -> Array:
     """(n,) rad/s (m/s) rms that the angles' white noise, by its second differences, leaves in a snapshot's speeds."""
     noises = []
     for trajectory in trajectories:
         white = np.nanmedian(np.abs(np.diff(trajectory.q, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
-        noises.append(white * 2.0 * np.pi * SNAPSHOT_BAND * np.sqrt(2.0 * SNAPSHOT_BAND / (3.0 * trajectory.rate)))
+        noises.append(white * 2.0 * np.pi * band * np.sqrt(2.0 * band / (3.0 * trajectory.rate)))
     return np.asarray(np.max(noises, axis=0))

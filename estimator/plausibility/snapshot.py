@@ -25,8 +25,10 @@ _SECONDS = 60.0
 """Of recordings looked at, spread over all of them."""
 _FILTER_BAND = 0.5
 """Hz: kinematics and torques are smoothed alike, flat to six times this …"""
-SNAPSHOT_BAND = 6.0 * _FILTER_BAND
-"""… Hz."""
+_FLAT = 6.0
+"""… and wider where recordings are so short that the smoothing would leave less than half of the longest."""
+_WIDEST_BAND = 4.0
+"""Hz; what is shorter than such a filter's ends is not looked at."""
 TERMS = 4
 """Of each joint, beside the rigid body."""
 _RIDGE = 1e-9
@@ -56,6 +58,8 @@ class Snapshot:
     tau: Array
     moving: NDArray[np.bool_]
     usable: NDArray[np.bool_]
+    band: float
+    """Hz to which it is flat."""
 
     def of(self, kind: Kind, order: Sequence[int]) -> Snapshot:
         """The same with the channels of a kind of `ORDERS` in another order."""
@@ -63,11 +67,12 @@ class Snapshot:
 
 
 def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
-    """A snapshot of some recordings; None when they have no gapless seconds."""
+    """A snapshot of some recordings; None when they have no gapless half of a second."""
     limits = rest_speeds(trajectories)
+    band = _band(trajectories)
     parts: list[list[Array]] = []
     for trajectory in trajectories:
-        plan = plan_filter(trajectory.rate, _FILTER_BAND)
+        plan = plan_filter(trajectory.rate, band)
         budget = round(_SECONDS / len(trajectories) * trajectory.rate)
         for piece in trajectory.segments(min(CHUNK, max(budget, 4 * plan.edge)), 0):
             if len(piece) <= 2 * plan.edge + 1:
@@ -89,7 +94,15 @@ def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
     q, dq, ddq, tau, usable = (np.concatenate(x) for x in zip(*parts, strict=True))
     thinned = slice(None, None, -(-len(q) // _MOST_SAMPLES))
     moving = np.abs(dq[thinned]) >= limits
-    return Snapshot(q[thinned], dq[thinned], ddq[thinned], tau[thinned], moving, usable[thinned].astype(np.bool_))
+    told = usable[thinned].astype(np.bool_)
+    return Snapshot(q[thinned], dq[thinned], ddq[thinned], tau[thinned], moving, told, _FLAT * band)
+
+
+def _band(trajectories: Sequence[Trajectory]) -> float:
+    """Hz of a filter whose two ends take no more than half of the longest recording."""
+    ends = max(2 * plan_filter(t.rate, _FILTER_BAND).edge / t.rate for t in trajectories)
+    longest = max(float(t.t[-1] - t.t[0]) for t in trajectories)
+    return min(_FILTER_BAND * max(1.0, 2.0 * ends / max(longest, 1e-9)), _WIDEST_BAND)
 
 
 @dataclass(frozen=True)
@@ -98,6 +111,8 @@ class Fit:
 
     unknowns: Array
     """Base parameters, then viscous and Coulomb friction, rotor inertia and offset of joint after joint."""
+    spread: Array
+    """(unknowns, rows) by which the unknowns' errors are made of independent ones of size one, a row each."""
     relative: Array
     """(n,) rms of the residual over that of the torque, where the joint moves."""
 
@@ -129,11 +144,12 @@ def fit(body: RigidBody, base: BaseParameters, shot: Snapshot) -> Fit | None:
     scale[scale == 0.0] = 1.0
     # Hypotheses are told apart by percents of the torque: the normal equations are exact enough, and quick.
     scaled = matrix / scale
-    gram = scaled.T @ scaled + _RIDGE * np.eye(len(scale))
-    unknowns = np.linalg.solve(gram, scaled.T @ target) / scale
+    inverse = np.linalg.inv(scaled.T @ scaled + _RIDGE * np.eye(len(scale))) / scale[:, None]
+    unknowns = inverse @ (scaled.T @ target)
     residual = target - matrix @ unknowns
-    relative = np.array([rms(residual[owner == j]) / max(rms(target[owner == j]), 1e-12) for j in range(n)])
-    return Fit(unknowns, relative)
+    errors = np.array([rms(residual[owner == j]) for j in range(n)])
+    relative = errors / np.maximum(np.array([rms(target[owner == j]) for j in range(n)]), 1e-12)
+    return Fit(unknowns, inverse @ (scaled.T * errors[owner]), relative)
 
 
 def friction_terms(shot: Snapshot) -> Array:
@@ -142,9 +158,8 @@ def friction_terms(shot: Snapshot) -> Array:
 
 
 def inertias(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) -> tuple[Array, Array]:
-    """(n,) each: the mean diagonal of the fitted mass matrix with the rotor's, and how many times its torque exceeds
-    the residual."""
-    unknowns = found.unknowns
+    """(n,) each: the mean diagonal of the fitted mass matrix with the rotor's; and how many times its torque exceeds
+    the residual, or the inertia its standard error where that is less."""
     inertia, clear = np.empty(body.n), np.empty(body.n)
     rest = np.zeros_like(shot.q)
     gravity = base.select(torque_regressor(body, shot.q, rest, rest))
@@ -152,10 +167,14 @@ def inertias(body: RigidBody, base: BaseParameters, shot: Snapshot, found: Fit) 
         unit = rest.copy()
         unit[:, joint] = 1.0
         column = base.select(torque_regressor(body, shot.q, rest, unit))[:, joint] - gravity[:, joint]
-        rotor = unknowns[base.rank + TERMS * joint + 2]
-        inertia[joint] = float(np.mean(column @ unknowns[: base.rank])) + rotor
+        weights = np.zeros(len(found.unknowns))
+        weights[: base.rank] = np.mean(column, axis=0)
+        weights[base.rank + TERMS * joint + 2] = 1.0
+        inertia[joint] = float(weights @ found.unknowns)
+        error = float(np.linalg.norm(weights @ found.spread))
         noise = found.relative[joint] * rms(shot.tau[:, joint])
-        clear[joint] = abs(inertia[joint]) * rms(shot.ddq[:, joint]) / max(noise, 1e-12)
+        told = min(rms(shot.ddq[:, joint]) / max(noise, 1e-12), 1.0 / max(error, 1e-12))
+        clear[joint] = abs(inertia[joint]) * told
     return inertia, clear
 
 

@@ -146,6 +146,32 @@ def other_arm(joints: int, load: float) -> str:
     return text + "</robot>"
 
 
+def cut(trajectory: Trajectory, seconds: float) -> Trajectory:
+    end = round(seconds * trajectory.rate)
+    assert end < len(trajectory.t)
+    dq = None if trajectory.dq is None else trajectory.dq[:end]
+    return Trajectory(trajectory.t[:end], trajectory.q[:end], trajectory.tau[:end], dq)
+
+
+@pytest.mark.parametrize(
+    ("alter", "kind"),
+    [
+        (lambda t: scaled("dq", np.rad2deg(1.0))(scaled("q", np.rad2deg(1.0))(t)), "angles in degrees"),
+        (scaled("tau", 1e3), "torque scale"),
+        (scaled("tau", [-1.0, 1.0, 1.0]), "torque sign"),
+        (exchanged("tau", 1, 2), "torque order"),
+        (lambda t: exchanged("tau", 1, 2)(exchanged("dq", 1, 2)(exchanged("q", 1, 2)(t))), "joint order"),
+    ],
+    ids=["degrees", "mN·m", "sign", "torques", "joints"],
+)
+def test_two_seconds_are_enough_to_be_told(alter: Alter, kind: str, dda: Recorded) -> None:
+    """Direct drive arms play motions of that length; what is identified of them is refused like what is diagnosed."""
+    short = [cut(t, 2.1) for t in dda.trajectories]
+    assert examine(dda.body, short) == examine(dda.body, short, believed=True) == []
+    (doubt,) = examine(dda.body, [alter(t) for t in short])
+    assert (doubt.kind, doubt.wrong) == (kind, True)
+
+
 def test_the_urdf_of_another_arm(
     seven: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
