@@ -22,6 +22,8 @@ from config.toml_file import nearest, read_toml, shown, validate
 
 NAME = re.compile(r"[\w.+@-]{1,200}")
 """What a motion without a path is called."""
+LONGEST_S = 3600.0
+"""A motion is sampled at every cycle, as a whole, before it is played."""
 SHIPPED = Path(__file__).parent.parent / "motions"
 NotNegative = Annotated[float, Field(ge=0)]
 Rows = Annotated[tuple[tuple[float, ...], ...], Field(min_length=1)]
@@ -230,7 +232,12 @@ def load_motion(name_or_path: str, installation: Installation) -> Motion:
         if joint in moved[:k]:
             raise InputError(f"{place}: joints[{k}]", f"{joint!r} is named twice", "name each joint once")
     joints = Joints(moved, tuple(names.index(j) for j in moved), np.array(installation.arm.home_rad), place)
-    return Motion(path.stem, file.description, names, file.curve(joints, path.parent))
+    curve = file.curve(joints, path.parent)
+    if curve.duration_s > LONGEST_S:
+        raise InputError(
+            place, f"lasts {curve.duration_s:.4g} s, and a motion {LONGEST_S:g} s at most", "play it in parts"
+        )
+    return Motion(path.stem, file.description, names, curve)
 
 
 def folder_beside(installation: Installation) -> Path:

@@ -125,7 +125,9 @@ def _rebuild(path: Path, output: Path, data: Data) -> RecoveryReport:
         partial.replace(output)
     except OSError as error:
         partial.unlink(missing_ok=True)
-        raise InputError(str(output), f"cannot be written ({error.strerror})", "free some space") from None
+        raise InputError(
+            str(output), f"cannot be written ({error.strerror})", "free some space, or name another --out"
+        ) from None
     return RecoveryReport(output, False, rebuilt.file.messages, rebuilt.file.seconds, len(data) - end, rebuilt.damaged)
 
 

@@ -14,6 +14,7 @@ import typer
 
 from service.cli.console import say
 from service.cli.options import ArmOption, arm_to_start
+from service.outcomes import BAD_INPUT
 from service.supervision import StartFailed, SupervisedProcess
 
 READY_TIMEOUT_S = 60.0
@@ -68,7 +69,8 @@ def supervise(commands: Sequence[Sequence[str]], arm: str) -> int:
             except StartFailed as failure:
                 if asked_to_end:
                     return 0
-                say(f"etude: {failure}")
+                if failure.code != BAD_INPUT:  # of which the process has said the one sentence there is
+                    say(f"etude: {failure}")
                 return failure.code
             say(f"etude {process.name}: ready")
         say(f"arm {arm} is up; etude status --arm {arm} looks at it, Ctrl-C ends it")

@@ -223,3 +223,10 @@ def test_motions_beside_the_installation_come_first(dda: Installation, tmp_path:
 def test_impossible_rates(dda: Installation, rate_hz: float) -> None:
     with pytest.raises(InputError, match=r"motion dda-load: cannot be sampled at .* Hz; give a positive rate"):
         sample(load_motion("dda-load", dda), rate_hz)
+
+
+def test_a_motion_longer_than_is_held_sample_by_sample_is_refused(dda: Installation, tmp_path: Path) -> None:
+    text = 'kind = "polynomial"\nway_points_rad = [[3.5, 2.6, 1.7], [3.2, 2.4, 1.4]]\nduration_s = {}\n'
+    assert load_motion(write(tmp_path, text.format(3600)), dda).duration_s == 3600.0
+    with pytest.raises(InputError, match=r"mine\.toml: lasts 1e\+09 s, and a motion 3600 s at most; play it in parts"):
+        load_motion(write(tmp_path, text.format(1e9)), dda)

@@ -153,3 +153,11 @@ def test_an_answer_that_cannot_be_written_is_refused_before_anything_is_done(
     told = sentence(capsys, 2, "run", "dda-practice", "--arm", "dda", "--json", target)
     assert f"--json {target}" in told
     assert said in told, "and not that no daemon was there to ask"
+
+
+def test_up_that_cannot_begin_says_so_once(house: Any, start: Any) -> None:
+    start("virtual")
+    done = house.etude("up", "--virtual", "--arm", "dda", "--lockstep")
+    assert done.returncode == 2
+    (told,) = (line for line in done.stderr.splitlines() if line.startswith("etude: "))
+    assert "another stand-in arm runs on this bus" in told
