@@ -27,6 +27,9 @@ BandOption = Annotated[
     typer.Option("--band", metavar="HZ", help="Learn nothing above it. [as far as it converges]", min=0.1),
 ]
 
+RefusedControllerOption = Annotated[Literal["pd", "computed_torque"], typer.Option("--controller", hidden=True)]
+"""`etude run` knows it: practice says why it does not."""
+
 
 def certify(
     motion: MotionArgument,
@@ -34,10 +37,12 @@ def certify(
     model: ModelOption = None,
     operator: OperatorOption = "thesis",
     mode: ModeOption = "csp",
+    controller: RefusedControllerOption = "pd",
     band_hz: BandOption = None,
     json: JsonOption = None,
 ) -> None:
     """Would practising this motion help? Looks at the model alone; nothing moves."""
+    _require_feedforward(controller)
     from service.practice.answers import certificate_answer, certificate_report
     from service.practice.course import PracticeArguments, course
 
@@ -64,6 +69,7 @@ def practise(
     model: ModelOption = None,
     operator: OperatorOption = "thesis",
     mode: ModeOption = "csp",
+    controller: RefusedControllerOption = "pd",
     band_hz: BandOption = None,
     hand_picked_hz: Annotated[
         float | None,
@@ -78,6 +84,7 @@ def practise(
     json: JsonOption = None,
 ) -> None:
     """Practise a motion until it is as good as the arm repeats itself, or a task until its miss is chance."""
+    _require_feedforward(controller)
     if (motion is None) == (task is None):
         raise InputError("practise", "needs a MOTION or a --task, one of the two", "name what is to be practised")
     if task is not None:
@@ -106,6 +113,16 @@ def practise(
     }
     answer = conduct(arm, "practise", asked)
     publish(answer, json, *practice_report(answer))
+
+
+def _require_feedforward(controller: str) -> None:
+    if controller != "pd":
+        raise InputError(
+            "--controller",
+            "computed torque makes its own torque of the measured state, and practice learns the torque of the wanted "
+            "motion as feedforward",
+            "leave it out: --mode cst practises with pd and feedforward, which on the wanted motion ask for the same",
+        )
 
 
 def _learn_task(

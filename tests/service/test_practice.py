@@ -245,6 +245,20 @@ def test_practice_through_the_arm_is_stopped_taken_up_and_played(running_house: 
             assert error["position_peak"] < 1.2 * played["tracking_error"][joint]["position_peak"] + 1e-3
 
 
+def test_practice_with_the_controller_in_the_loop(running_house: Any, short: str) -> None:
+    """Torque mode: no servo in the drive, feedback two cycles sooner than in CSP, feedforward sent ahead."""
+    answer = running_house.answer("practise", short, "--mode", "cst", "--trials", "1")
+    first, last = (trial["velocity_error_rms"] for trial in answer["trials"])
+    assert answer["mode"] == "cst"
+    floor = answer["repeatability"]
+    begun, come = (max(trial[joint] / floor[joint] for joint in floor) for trial in (first, last))
+    assert come < 0.8 * begun
+    assert all(last[joint] < 1.05 * first[joint] for joint in floor)
+    taken = running_house.etude("run", short, "--feedforward", answer["session"])
+    assert taken.returncode == outcomes.BAD_INPUT
+    assert "add --mode cst" in taken.stderr
+
+
 def test_controllers_are_compared_through_the_arm(running_house: Any, tmp_path: Path) -> None:
     """There and back, so that no time goes into returning: Appendix A's controllers at both rates, in its order."""
     path = tmp_path / "there-and-back.toml"
@@ -281,3 +295,14 @@ def test_controllers_are_compared_through_the_arm(running_house: Any, tmp_path: 
     page = pages.page_of(running_house.answer("report", "last")["result"], session)
     assert page is not None
     assert "computed torque" in page
+
+
+@pytest.mark.parametrize("command", [["certify", "dda-practice"], ["practise", "dda-practice"]])
+def test_computed_torque_is_refused_with_its_reason(
+    command: list[str], house: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before a daemon is looked for: a practice has to send what it learnt."""
+    assert run([*command, "--mode", "cst", "--controller", "computed_torque"]) == outcomes.BAD_INPUT
+    sentence = said(capsys)
+    assert "measured state" in sentence
+    assert "--mode cst practises with pd" in sentence
