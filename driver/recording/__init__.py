@@ -1,5 +1,6 @@
 """Recordings: one MCAP file a run, written beside the loop; read, recovered, replayed, exported; foreign files too."""
 
+from driver.recording.made_with import arm_made_with
 from driver.recording.process import RecorderProcess
 from driver.recording.reader import export, read_recording
 from driver.recording.recorder import RecorderStatus
@@ -17,6 +18,7 @@ __all__ = [
     "RecoveryReport",
     "ReplayReport",
     "RunWriter",
+    "arm_made_with",
     "export",
     "read_recording",
     "recover",

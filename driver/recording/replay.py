@@ -143,11 +143,13 @@ def _wrench(file: McapFile, installation: Installation, number: int, channels: d
     if topic not in channels:
         raise InputError(str(file.path), f"has no raw channel {topic}", "replay our own recordings")
     parser = make_parser(sensor)
-    first_ns = next(log_ns for _, log_ns, _, _ in _records(file, {channels[JOINT_STATES].id: 0}))
+    first = next(_records(file, {channels[JOINT_STATES].id: 0}), None)
+    if first is None:  # a run that was ended before its first cycle
+        return
     record = WrenchRecord(channels[wrench_topics(installation)[number]].id, sensor.frame)
     for sequence, log_ns, _, raw in _records(file, {channels[topic].id: number}):
         samples = parser.feed(BytesRecord.unpack(raw[RECORD_HEAD_BYTES:]), log_ns)
-        for sample in samples if log_ns >= first_ns else ():
+        for sample in samples if log_ns >= first[1] else ():
             yield record.pack(sequence, log_ns, sample.stamp_ns, sample.values if sample.fresh else NO_WRENCH)
 
 

@@ -13,10 +13,11 @@ from config import InputError
 from config.paths import state_directory
 from service import outcomes
 from service.cli.console import publish
-from service.cli.options import ArmOption, JsonOption
+from service.cli.options import ArmOption, JsonOption, arm_to_ask
 from service.sessions.store import Session, SessionRecord, SessionStore
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING")]
+OfArmOption = Annotated[str | None, typer.Option("--arm", metavar="NAME", help="Refuse what is of another arm.")]
 
 
 def recordings(arm: ArmOption = None, json: JsonOption = None) -> None:
@@ -36,10 +37,11 @@ def recordings(arm: ArmOption = None, json: JsonOption = None) -> None:
     publish({"recordings": entries}, json, table if entries else "no session has recorded anything yet")
 
 
-def replay(recording: RecordingArgument, json: JsonOption = None) -> None:
+def replay(recording: RecordingArgument, arm: OfArmOption = None, json: JsonOption = None) -> None:
     """Decode a recording's raw frames again and compare with what was recorded, byte for byte."""
     from driver.recording import replay as replay_file
 
+    _require_arm(recording, arm)
     report = replay_file(recording)
     answer = {
         "recording": str(recording),
@@ -57,11 +59,13 @@ def recover(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Leave the recording as it is and write here.")
     ] = None,
+    arm: OfArmOption = None,
     json: JsonOption = None,
 ) -> None:
     """Give a cut recording its end, so that stock readers read it."""
     from driver.recording import recover as recover_file
 
+    _require_arm(recording, arm)
     report = recover_file(recording, out)
     answer = {
         "recording": str(report.path),
@@ -83,6 +87,7 @@ def export(
         typer.Argument(metavar="OUTPUT", help=".csv of a recording; .xml, .urdf or .toml of a model."),
     ],
     topic: Annotated[str, typer.Option("--topic", help="JointState topic of a foreign MCAP.")] = "/joint_states",
+    arm: OfArmOption = None,
     json: JsonOption = None,
 ) -> None:
     """Write a recording as CSV (t, q, dq, tau of each joint, and the wrench, in SI units), or a model as MuJoCo's XML,
@@ -92,12 +97,15 @@ def export(
     if output.suffix in EXPORTS:
         from service.models.store import named_model
 
-        exported = export_model(named_model(source), output)
+        model = named_model(source)
+        _require_same_arm(source, model.arm, arm)
+        exported = export_model(model, output)
         shown = [f"wrote {output}", *(f"not in it: {sentence}" for sentence in exported["not_written"])]
         publish({"source": source, **exported}, json, *shown)
         return
     from driver.recording import export as export_file
 
+    _require_arm(Path(source), arm)
     left_out = export_file(Path(source), output, topic)
     answer = {
         "recording": source,
@@ -179,9 +187,22 @@ def next_step(record: SessionRecord) -> str | None:
             return None
 
 
+def _require_arm(recording: Path, arm: str | None) -> None:
+    """Raise InputError for a recording of another arm than the one that was named, if one was."""
+    from driver.recording import arm_made_with
+
+    if arm and recording.is_file():  # what is none is for the command itself to refuse
+        _require_same_arm(str(recording), arm_made_with(recording), arm)
+
+
+def _require_same_arm(place: str, found: str | None, arm: str | None) -> None:
+    if arm and found is not None and found != (wanted := arm_to_ask(arm)):
+        raise InputError(place, f"is of arm {found}, not of {wanted}", f"name that arm: --arm {found}")
+
+
 def _stores(arm: str | None) -> list[SessionStore]:
     state = state_directory()
-    arms = [arm] if arm else sorted(path.parent.name for path in state.glob("*/sessions"))
+    arms = [arm_to_ask(arm)] if arm else sorted(path.parent.name for path in state.glob("*/sessions"))
     return [SessionStore(state, name) for name in arms]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,10 @@ from typing import Any
 
 import pytest
 
+from config import load_installation
+from driver.recording import RunWriter
 from service.cli.entry import run
+from service.sessions.store import SessionStore
 
 CSV = "t,q_joint1,q_joint2,q_joint3,tau_joint1,tau_joint2,tau_joint3\n0.0,1,2,3,1,1,1\n0.1,1,2,3,1,1,1\n"
 
@@ -153,6 +157,27 @@ def test_an_answer_that_cannot_be_written_is_refused_before_anything_is_done(
     told = sentence(capsys, 2, "run", "dda-practice", "--arm", "dda", "--json", target)
     assert f"--json {target}" in told
     assert said in told, "and not that no daemon was there to ask"
+
+
+def test_a_recording_is_held_against_the_arm_that_was_named(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    whole, cut = house.folder / "whole.mcap", house.folder / "cut.mcap"
+    writer = RunWriter(whole, load_installation("dda"), {"mode": "csp"})
+    writer.note("begun")
+    writer.finish()
+    cut.write_bytes(whole.read_bytes()[:-40])
+    before = cut.read_bytes()
+    for arguments in (["recover", str(cut)], ["replay", str(whole)], ["export", str(whole), str(cut) + ".csv"]):
+        told = sentence(capsys, 2, *arguments, "--arm", "puma600")
+        assert "is of arm dda, not of puma600; name that arm: --arm dda" in told
+    assert cut.read_bytes() == before
+    assert run(["recover", str(cut), "--arm", str(house.arm_files())]) == 0
+    assert run(["replay", str(cut), "--arm", "dda"]) == 0
+
+
+def test_sessions_are_found_by_the_arms_installation_file(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    made = SessionStore(house.folder / "state", "dda").create("run", {}, attached=False, uid=0)
+    assert run(["report", "last", "--arm", str(house.arm_files()), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["id"] == made.id
 
 
 def test_up_that_cannot_begin_says_so_once(house: Any, start: Any) -> None:
