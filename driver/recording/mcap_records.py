@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -19,6 +20,9 @@ from mcap.writer import MCAP0_MAGIC
 from driver.recording.message_records import RECORD_HEAD_BYTES
 
 HEAD = struct.Struct("<BQ")
+_CHUNK_HEAD = re.compile(bytes((Opcode.CHUNK,)) + rb".{4}\0{4}", re.DOTALL)
+LARGEST_CHUNK_BYTES = 1 << 30
+"""Uncompressed; a chunk that claims more is looked for no further."""
 CHANNEL_ID = struct.Struct("<H")
 Offsets = dict[int, list[int]]
 """By channel: where its message records start in a chunk's data."""
@@ -45,6 +49,24 @@ def whole_records(data: bytes | memoryview, at: int = 0) -> Iterator[RecordPlace
         at = start + length
         if opcode == Opcode.FOOTER:
             return
+
+
+def next_chunk(data: bytes | memoryview, at: int) -> int | None:
+    """Where the next chunk begins whose content fits its checksum, from ``at`` on: behind bytes that are no record, a
+    reader finds its feet again there."""
+    for found in _CHUNK_HEAD.finditer(data, at):
+        _, length = HEAD.unpack_from(data, found.start())
+        start = found.start() + HEAD.size
+        if start + length > len(data):
+            continue
+        try:
+            chunk = parse(Chunk, data[start : start + length])
+            if chunk.uncompressed_crc and chunk.uncompressed_size <= LARGEST_CHUNK_BYTES:
+                chunk_data(chunk)
+                return found.start()
+        except ValueError:
+            continue
+    return None
 
 
 def parse(kind: type[T], data: bytes | memoryview) -> T:

@@ -27,6 +27,7 @@ from driver.recording.mcap_records import (
     is_complete,
     is_mcap,
     message_offsets,
+    next_chunk,
     parse,
     partial_chunk_data,
     whole_records,
@@ -54,7 +55,9 @@ class RecoveryReport:
         if self.complete:
             return f"{self.path} is complete: {self.messages} messages over {self.seconds:.3f} s, nothing to recover"
         kept = f"{self.path}: kept {self.messages} messages over {self.seconds:.3f} s"
-        lost = f", lost {self.lost_bytes} bytes at its end" if self.lost_bytes else ", nothing recorded was lost"
+        lost = f", lost {self.lost_bytes} bytes at its end" if self.lost_bytes else ""
+        if not self.lost_bytes and not self.damaged:
+            lost = ", nothing recorded was lost"
         return kept + lost + "".join(f"; {sentence}" for sentence in self.damaged)
 
 
@@ -149,21 +152,23 @@ class _Rebuilt:
 
     def copy(self, data: Data, records: Iterator[RecordPlace], end: int) -> int:
         """Take over the records of the data section; returns where the last byte that was kept ends."""
-        ended = False
-        for opcode, start, stop in records:
-            content = data[start:stop]
-            try:
-                self._take(opcode, content)
-            except ValueError as error:
-                self._damaged.append(
-                    f"a record of {stop - start} bytes at byte {start - HEAD.size} is damaged ({error})"
-                )
-            end = stop
-            if opcode == Opcode.DATA_END:
-                ended = True
+        while True:
+            for opcode, start, stop in records:
+                content = data[start:stop]
+                try:
+                    self._take(opcode, content)
+                except ValueError as error:
+                    self._damaged.append(
+                        f"a record of {stop - start} bytes at byte {start - HEAD.size} is damaged ({error})"
+                    )
+                end = stop
+                if opcode == Opcode.DATA_END:
+                    return len(data)
+            again = next_chunk(data, end)
+            if again is None:
                 break
-        if ended:
-            return len(data)
+            self._damaged.append(f"{again - end} bytes at byte {end} belong to no whole record")
+            records, end = whole_records(data, again), again
         if end + HEAD.size <= len(data) and data[end] == Opcode.CHUNK:
             salvaged = self._take_messages(partial_chunk_data(data[end + HEAD.size :]))
             end = len(data) if salvaged else end

@@ -133,6 +133,35 @@ def test_a_flipped_byte_costs_its_chunk_and_is_said(tmp_path: Path, whole: Path)
             assert report.damaged or report.lost_bytes
 
 
+def test_smashed_bytes_cost_the_chunks_they_touch_and_no_other(
+    tmp_path: Path, dda: Installation, make_cycles: CycleMaker
+) -> None:
+    """The heads of records are among them: reading begins again at the next chunk that is whole."""
+    path = tmp_path / "run.mcap"
+    writer = RunWriter(path, dda, {"mode": "csp"})
+    for cycle in make_cycles(dda, 900):
+        writer.write(cycle)
+    writer.finish()
+    everything = messages(path)
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunks = summary.chunk_indexes
+    assert len(chunks) > 6
+    data = bytearray(path.read_bytes())
+    second, third = chunks[1], chunks[2]
+    first, last = second.chunk_start_offset + second.chunk_length // 2, third.chunk_start_offset + 20
+    data[first:last] = bytes(b ^ 0x5A for b in data[first:last])
+    path.write_bytes(data)
+    report = recover(path)
+    begin, end = second.message_start_time, third.message_end_time
+    assert messages(path) == [m for m in everything if not begin <= m[2] <= end]
+    assert report.lost_bytes == 0
+    assert report.damaged
+    assert "nothing recorded was lost" not in report.sentence
+    assert len(read_recording(path).gaps) == 1
+
+
 @pytest.mark.parametrize("compression", list(CompressionType))
 @pytest.mark.parametrize("chunk_size", [600, 100_000])
 def test_files_of_other_writers_recover_too(tmp_path: Path, compression: CompressionType, chunk_size: int) -> None:
