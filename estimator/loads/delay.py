@@ -18,6 +18,7 @@ from scipy.optimize import minimize_scalar
 from estimator.delays import Delay
 from estimator.loads.fit import Believed, LoadFit, fit_load, weighted_equations
 from estimator.loads.layout import LoadLayout
+from estimator.loads.unsure_noise import with_unsure_noise
 from estimator.sums import Batch, Sums
 
 Array = NDArray[np.float64]
@@ -53,12 +54,12 @@ def fit_with_delay(layout: LoadLayout, sums: Sums, believed: Sequence[Believed],
     """The load together with the sensor's delay, from ``sums`` whose rows end with the wrench at each of `SHIFTS`.
 
     ``known`` is what is believed of the delay; with a standard error of zero it is taken as it is. The load's
-    covariance includes what the delay's own error does to it.
+    covariance includes what the delay's own error and the noise's unsure spectrum do to it.
     """
     delay = known.value
     fit = fit_load(layout, taken_back(layout, sums, delay), believed)
     if known.standard_error == 0.0:
-        return fit, known
+        return with_unsure_noise(layout, taken_back(layout, sums, delay), believed, fit), known
     for _ in range(_ITERATIONS):
         profile = _profile(layout, sums, fit, believed)
         found = minimize_scalar(
@@ -77,6 +78,7 @@ def fit_with_delay(layout: LoadLayout, sums: Sums, believed: Sequence[Believed],
     error = float(np.sqrt(2.0 / max(curvature, 2.0 / known.standard_error**2)))
     moved = profile.reaction @ (coefficients(delay + step) - coefficients(delay - step)) / (2.0 * step)
     moved[~fit.told] = 0.0
+    fit = with_unsure_noise(layout, taken_back(layout, sums, delay), believed, fit)
     return replace(fit, covariance=fit.covariance + error**2 * np.outer(moved, moved)), Delay(delay, error)
 
 

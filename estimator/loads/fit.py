@@ -22,7 +22,7 @@ _TOLD = 1e-3
 """Part of a parameter that may lie in a direction the motion does not show."""
 _REWEIGHTINGS = 30
 _SETTLED = 1e-3
-_ROWS_A_COEFFICIENT = 12
+ROWS_A_COEFFICIENT = 12
 """Rows that must stand behind each autoregressive coefficient; whether there are as many, the noise tells."""
 
 
@@ -133,7 +133,7 @@ def _orders(layout: LoadLayout, noise: Array, rows: Array) -> list[int]:
 def _order(autocovariance: Array, rows: int) -> int:
     """By Akaike's criterion: noise that is coloured a little more than it seems costs more than a coefficient."""
     best, order = rows * np.log(autocovariance[0]), 0
-    for p in range(1, min(LAGS - 1, rows // _ROWS_A_COEFFICIENT) + 1):
+    for p in range(1, min(LAGS - 1, rows // ROWS_A_COEFFICIENT) + 1):
         column = autocovariance[:p].copy()
         column[0] *= 1.0 + 1e-6
         explained = solve_toeplitz(column, autocovariance[1 : p + 1]) @ autocovariance[1 : p + 1]

@@ -39,7 +39,7 @@ class LoadLayout:
     @property
     def alike(self) -> list[list[int]]:
         """Groups of fitted channels with noise of one colour: a wrist sensor's forces, its torques; others alone."""
-        if self.labels is not CHANNELS:
+        if self.labels != CHANNELS:
             return [[k] for k in range(len(self.channels))]
         groups = [[k for k, c in enumerate(self.channels) if (c < 3) == force] for force in (True, False)]
         return [group for group in groups if group]
