@@ -37,8 +37,7 @@ def test_intervals_hold_where_those_of_one_spectrum_do_not() -> None:
         fit = fit_load(LAYOUT, sums)
         one.append(holds(fit))
         all_of_them.append(holds(with_unsure_noise(LAYOUT, sums, [], fit)))
-    assert np.mean(one) < 0.90
-    assert np.mean(all_of_them) > 0.91
+    assert np.mean(one) < 0.93 <= np.mean(all_of_them) <= 0.98
 
 
 def test_long_recordings_leave_nothing_open() -> None:
