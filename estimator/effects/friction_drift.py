@@ -15,8 +15,11 @@ from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
-TIMES = (0.1, 0.3, 1.0)
-"""Time constants to try, as shares of the longest recording."""
+SHORTEST = 0.1
+"""Of the time constants to try, as a share of the longest recording …"""
+SHORTEST_S = 2.0
+"""… but no less: nothing that a joint's work warms or wears in changes sooner, and in the time of a single stroke any
+law of friction looks like a change."""
 
 
 class FrictionDrift(JointEffect):
@@ -34,7 +37,9 @@ class FrictionDrift(JointEffect):
 
     def grid(self, place: Place, scales: Scales) -> Array:
         widths = np.array(WIDTHS) * scales.dq[self.joint(place)]
-        return np.array([[scales.duration * share, width] for share in TIMES for width in widths])
+        first = max(SHORTEST * scales.duration, SHORTEST_S)
+        times = np.geomspace(first, max(scales.duration, 2.0 * first), 3)
+        return np.array([[time, width] for time in times for width in widths])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         sign = signals.direction(self.joint(place), float(theta[1]))
