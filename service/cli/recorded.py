@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from config import InputError
+from config.loader import installation_path
 from config.paths import state_directory
 from service import outcomes
 from service.cli.console import publish
@@ -202,8 +203,13 @@ def _require_same_arm(place: str, found: str | None, arm: str | None) -> None:
 
 def _stores(arm: str | None) -> list[SessionStore]:
     state = state_directory()
-    arms = [arm_to_ask(arm)] if arm else sorted(path.parent.name for path in state.glob("*/sessions"))
-    return [SessionStore(state, name) for name in arms]
+    recorded = sorted(path.parent.name for path in state.glob("*/sessions"))
+    if arm is None:
+        return [SessionStore(state, name) for name in recorded]
+    name = arm_to_ask(arm)
+    if name == arm and name not in recorded:
+        installation_path(name)  # refuses a name that no arm has
+    return [SessionStore(state, name)]
 
 
 def _sessions(arm: str | None) -> list[Session]:

@@ -37,6 +37,19 @@ def replaced(old: str, new: str) -> Callable[[str], str]:
     return change
 
 
+def test_an_arm_that_is_none(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Nothing recorded is an answer for an arm that is known, or has recorded something; not for a slip of the hand."""
+    monkeypatch.setenv("ETUDE_STATE", str(tmp_path))
+    assert run(["recordings", "--arm", "dda"]) == 0
+    (tmp_path / "own" / "sessions").mkdir(parents=True)
+    assert run(["recordings", "--arm", "own"]) == 0
+    capsys.readouterr()
+    for command in (["recordings"], ["report", "last"]):
+        assert "dda" in sentence(capsys, 2, *command, "--arm", "dad")
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
