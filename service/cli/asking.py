@@ -81,6 +81,10 @@ def run(
         json,
         f"played {answer['motion']}, {answer['samples']} samples; tracking errors:",
         table,
+        *(
+            f"wrench sensor {name} is silent ({why}): the recording lacks what it would have told"
+            for name, why in answer["silent_sensors"].items()
+        ),
         answer["recording"],
     )
 

@@ -59,6 +59,11 @@ class MovingArm:
         """What the wrist carries, as far as the motion since the last enabling has told: see `LiveLoadProcess`."""
         return None if self._live_load is None else self._live_load.latest()
 
+    async def silent_sensors(self) -> dict[str, str]:
+        """Wrench sensors that tell nothing at the moment, and why."""
+        status = await asyncio.to_thread(self.loop.status)
+        return {sensor.name: sensor.condition for sensor in status.sensors if sensor.stale}
+
     async def load_followed(self) -> None:
         """Wait until the load is being followed, where there is a wrist sensor; for a while at most."""
         if self._live_load is not None and not await asyncio.to_thread(self._live_load.wait_ready, FOLLOWED_WITHIN_S):

@@ -63,5 +63,6 @@ class RunMotion:
             "recording": str(path),
             "samples": len(recording.t),
             "duration_s": float(recording.t[-1] - recording.t[0]),
+            "silent_sensors": await moving.silent_sensors(),
             "tracking_error": tracking_errors(recording, command_delay(plan.mode)),
         }

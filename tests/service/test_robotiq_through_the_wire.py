@@ -139,6 +139,7 @@ def test_commissioned_weighed_unplugged_and_taken_up_again(house: Any, start: An
     answer = house.answer("run", beside["poses"], "--arm", arm)
     path = Path(answer["recording"])
     recording = read_recording(path)
+    assert answer["silent_sensors"] == {"wrist": "its line is gone"}
     assert recording.wrench_t is not None
     assert recording.wrench_frame == "flange"
     steps = np.diff(recording.wrench_t)
@@ -154,7 +155,9 @@ def test_commissioned_weighed_unplugged_and_taken_up_again(house: Any, start: An
     (told,) = (x for x in house.etude("status", "--arm", arm).stdout.splitlines() if x.startswith("sensor wrist"))
     assert told.endswith("stale: its line is gone")
 
-    again = read_recording(Path(house.answer("run", beside["poses"], "--arm", arm)["recording"]))
+    answer = house.answer("run", beside["poses"], "--arm", arm)
+    assert answer["silent_sensors"] == {}
+    again = read_recording(Path(answer["recording"]))
     for pose in POSES[1:]:
         stood, wrench = at_rest(again, pose)
         np.testing.assert_allclose(wrench - BIAS, held_up(stood), atol=0.02)
