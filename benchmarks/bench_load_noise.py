@@ -27,7 +27,7 @@ from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
-RUNS = 40
+RUNS = 60
 NOISE_SEED = 2026
 ARMS = {"puma600": ("puma", BLOCK), "dda": ("dda", BAR)}
 """Name in the figures, and the load's inertia."""

@@ -56,6 +56,18 @@ def test_a_motion_that_does_not_tell_the_delay_leaves_what_was_believed(loaded_p
     assert found.delay.standard_error == pytest.approx(0.001, rel=0.2)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_an_empty_wrist_tells_no_delay(loaded_puma: Any, seed: int) -> None:
+    """Nor does interpolation between the shifts, however many samples of noise there are."""
+    arm = loaded_puma
+    noise = arm.noise * np.random.default_rng(seed).normal(size=(8, *arm.wrench.shape))
+    found = identify_load(
+        arm.body, "tool", [LoadRecording(Trajectory(arm.t, arm.q, 0 * arm.q), each) for each in noise]
+    )
+    assert abs(found.delay.value) < 2.5 * found.delay.standard_error
+    assert found.delay.standard_error > 2e-3
+
+
 def test_tares_before_and_after_tell_the_drift(loaded_puma: Any) -> None:
     arm = loaded_puma
     rate = np.array([0.02, -0.01, 0.005, 1e-3, 0.0, -5e-4])
