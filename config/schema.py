@@ -50,6 +50,9 @@ class Arm(Section):
     home_rad: tuple[float, ...]
     """Where sessions start and end, one value a joint."""
     gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    floor_m: float | None = None
+    """Height in the base's frame below which neither a joint's origin nor the tool goes in designed motions
+    (`identify links --design`, `diagnose --experiment`); without it they keep the joints' limits alone."""
     identification_motions: tuple[str, ...] = ()
     """Motions that excite the links, by name or file: what `etude identify links` plays when given no recordings."""
     load_identification_motions: tuple[str, ...] = ()

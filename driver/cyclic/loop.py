@@ -256,7 +256,7 @@ class CyclicLoop:
         self._tracking.forget()
         self._beat = heartbeat(commissioned.master_node)
         self._statistics.begin_traffic(self._exchange)
-        self._supervision.forget()
+        self._supervision.forget({d.joint: d.words for d in commissioned.drives if d.state and d.state.faulted})
         self._feedback = ArmFeedback(len(self._names))
         self._machine = ArmMachine(self.installation, mode, self.body, self._announce)
         if before is not None:

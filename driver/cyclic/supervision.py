@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from config import Installation
@@ -51,6 +51,7 @@ class Supervision:
         self._late_in_a_row = 0
         self._missing: set[int] = set()
         self._faulted: set[int] = set()
+        self._in_fault: dict[str, str] = {}
 
     def look(
         self,
@@ -84,8 +85,10 @@ class Supervision:
             self._late_in_a_row = 0
         return found
 
-    def forget(self) -> None:
-        """Start anew, after a commissioning or a reset."""
+    def forget(self, in_fault: Mapping[str, str] | None = None) -> None:
+        """Start anew, after a commissioning or a reset. ``in_fault``: joint → what its drive said of its fault when it
+        was commissioned, whose emergency came before anybody listened."""
+        self._in_fault = dict(in_fault or {})
         self._heard_at = [self._cycle] * len(self._names)
         self._late_in_a_row = 0
         self._missing.clear()
@@ -136,10 +139,11 @@ class Supervision:
             if state is State.FAULT or state is State.FAULT_REACTION_ACTIVE:
                 if i not in self._faulted:
                     self._faulted.add(i)
-                    words = describe_statusword(feedback.statuswords[i])
+                    words = self._in_fault.pop(self._names[i], None) or describe_statusword(feedback.statuswords[i])
                     found.causes.append(f"{self._names[i]}: the drive reports {words}")
-            elif state is not None and self._faulted:
+            elif state is not None and (self._faulted or self._in_fault):
                 self._faulted.discard(i)
+                self._in_fault.pop(self._names[i], None)
 
     def _gap(self, i: int, age: int, feedback: ArmFeedback, found: Findings, *, commanding: bool) -> None:
         name = self._names[i]

@@ -24,6 +24,8 @@ _CHUNK_HEAD = re.compile(bytes((Opcode.CHUNK,)) + rb".{4}\0{4}", re.DOTALL)
 LARGEST_CHUNK_BYTES = 1 << 30
 """Uncompressed; a chunk that claims more is looked for no further."""
 CHANNEL_ID = struct.Struct("<H")
+UNREADABLE = (McapError, struct.error, OSError, OverflowError, MemoryError, ValueError, EOFError, IndexError)
+"""What a wrong offset or length makes the mcap library's readers raise."""
 Offsets = dict[int, list[int]]
 """By channel: where its message records start in a chunk's data."""
 T = TypeVar("T")
@@ -69,14 +71,25 @@ def next_chunk(data: bytes | memoryview, at: int) -> int | None:
     return None
 
 
+class _Content(BytesIO):
+    """Of a record; a length in it that reaches beyond is an error. A reader that takes what there is instead would call
+    a chunk whole whose length another reader allocates."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        if size is not None and size > len(data):
+            raise EOFError(f"{size} bytes are announced where {len(data)} are left")
+        return data
+
+
 def parse(kind: type[T], data: bytes | memoryview) -> T:
     """One record of the mcap library's class ``kind`` from its content.
 
     Raises ValueError when the content is not what such a record holds.
     """
     try:
-        record: T = kind.read(ReadDataStream(BytesIO(data)))  # type: ignore[attr-defined]
-    except (McapError, struct.error, UnicodeDecodeError, OverflowError) as error:
+        record: T = kind.read(ReadDataStream(_Content(data)))  # type: ignore[attr-defined]
+    except UNREADABLE as error:
         raise ValueError(f"not a {kind.__name__} record: {error!r}") from None
     return record
 
@@ -92,7 +105,7 @@ def chunk_data(chunk: Chunk) -> bytes:
             data = bytes(chunk.data)
         else:
             raise ValueError(f"unknown compression {chunk.compression!r}")
-    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+    except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError) as error:
         raise ValueError(str(error)) from None
     if len(data) != chunk.uncompressed_size or (chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc):
         raise ValueError("its checksum is wrong")

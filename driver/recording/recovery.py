@@ -5,23 +5,22 @@ from __future__ import annotations
 import fcntl
 import mmap
 import os
-import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, MessageIndex, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from config import InputError
 from driver.recording.chunked_file import INDEX_HEAD, ChunkedFile
 from driver.recording.mcap_records import (
     HEAD,
+    UNREADABLE,
     RecordPlace,
     chunk_data,
     is_complete,
@@ -34,6 +33,11 @@ from driver.recording.mcap_records import (
 )
 
 Data = memoryview
+_MADE_ANEW: dict[int, type] = {
+    Opcode.HEADER: Header,
+    Opcode.DATA_END: DataEnd,
+    Opcode.MESSAGE_INDEX: MessageIndex,
+}
 
 
 @dataclass(frozen=True)
@@ -96,8 +100,10 @@ def _already_complete(path: Path, stream: BinaryIO, data: Data) -> RecoveryRepor
             return None
         for index in summary.chunk_indexes:
             start = index.chunk_start_offset
+            if HEAD.unpack_from(data, start) != (Opcode.CHUNK, index.chunk_length - HEAD.size):
+                return None
             chunk_data(parse(Chunk, data[start + HEAD.size : start + index.chunk_length]))
-    except (McapError, ValueError, struct.error):
+    except UNREADABLE:
         return None
     statistics = summary.statistics
     seconds = (statistics.message_end_time - statistics.message_start_time) / 1e9
@@ -161,9 +167,10 @@ class _Rebuilt:
                     self._damaged.append(
                         f"a record of {stop - start} bytes at byte {start - HEAD.size} is damaged ({error})"
                     )
+                else:
+                    if opcode == Opcode.DATA_END:
+                        return len(data)
                 end = stop
-                if opcode == Opcode.DATA_END:
-                    return len(data)
             again = next_chunk(data, end)
             if again is None:
                 break
@@ -189,6 +196,11 @@ class _Rebuilt:
                 self._take_chunk(content)
             case Opcode.MESSAGE:
                 self._take_messages(HEAD.pack(opcode, len(content)) + bytes(content))
+            case Opcode.HEADER | Opcode.DATA_END | Opcode.MESSAGE_INDEX:
+                # Made anew; read all the same, for a byte that has turned may have made it one of these.
+                parse(_MADE_ANEW[opcode], content)
+            case _:
+                raise ValueError(f"records of kind {opcode:02X} do not stand here")
 
     def _take_schema(self, schema: Schema) -> None:
         if schema.id not in self._schemas:

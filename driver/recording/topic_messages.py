@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import mmap
-import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Metadata, Schema
@@ -17,8 +16,10 @@ from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from config import InputError
+from driver.recording.chunked_file import INDEX_HEAD
 from driver.recording.mcap_records import (
     HEAD,
+    UNREADABLE,
     chunk_data,
     is_complete,
     is_mcap,
@@ -30,6 +31,7 @@ from driver.recording.mcap_records import (
 BATCH_BYTES = 8 << 20
 Indices = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ class McapFile:
         """Channels and schemas from the summary; without one, from the data itself."""
         try:
             summary: Summary | None = self._reader.get_summary()
-        except (McapError, struct.error, UnicodeDecodeError) as error:
+        except UNREADABLE as error:
+            self.close()
             raise self.damaged(f"its summary cannot be read: {error!r}") from None
         if summary is not None and summary.channels:
             self.channels, self.schemas = dict(summary.channels), dict(summary.schemas)
@@ -98,10 +101,16 @@ class McapFile:
         return [channel for channel in self.channels.values() if channel.topic == topic]
 
     def attachments(self) -> list[Attachment]:
-        return list(self._reader.iter_attachments())
+        return self._listed("attachments", self._reader.iter_attachments())
 
     def metadata(self) -> list[Metadata]:
-        return list(self._reader.iter_metadata())
+        return self._listed("metadata", self._reader.iter_metadata())
+
+    def _listed(self, what: str, records: Iterator[T]) -> list[T]:
+        try:
+            return list(records)
+        except UNREADABLE as error:
+            raise self.damaged(f"its {what} cannot be read: {error!r}") from None
 
     def batches(self, wanted: frozenset[int]) -> Iterator[Batch]:
         """Messages of the ``wanted`` channels, in the order of their chunks."""
@@ -129,11 +138,22 @@ class McapFile:
                 continue
             found = {}
             for channel_id in wanted.intersection(index.message_index_offsets):
-                at = index.message_index_offsets[channel_id] + HEAD.size
-                count = int.from_bytes(self._data[at + 2 : at + 6], "little") // 16
-                entries = np.frombuffer(self._data, "<u8", 2 * count, at + 6)
-                found[channel_id] = entries[1::2].astype(np.int64)
+                found[channel_id] = self._places(index.message_index_offsets[channel_id], channel_id, data)
             yield data, found
+
+    def _places(self, at: int, channel_id: int, data: bytes) -> Indices:
+        """Where a channel's message records start in a chunk's data, by the index record at byte ``at``."""
+        try:
+            opcode, length, channel, size = INDEX_HEAD.unpack_from(self._data, at)
+            if (opcode, length, channel) != (Opcode.MESSAGE_INDEX, size + 6, channel_id):
+                raise ValueError("no message index of its channel is there")
+            entries = np.frombuffer(self._data, "<u8", 2 * (size // 16), at + INDEX_HEAD.size)
+            places = entries[1::2].astype(np.int64)
+            if np.any(places < 0) or np.any(np.frombuffer(data, np.uint8)[places] != Opcode.MESSAGE):
+                raise ValueError("it names places where no message is")
+        except UNREADABLE as error:
+            raise self.damaged(f"the message index at byte {at}: {error}") from None
+        return places
 
     def _chunk(self, start: int, end: int) -> bytes:
         try:
@@ -141,7 +161,7 @@ class McapFile:
             if opcode != Opcode.CHUNK or start + HEAD.size + length != end:
                 raise ValueError("no chunk is where the index says")
             return chunk_data(parse(Chunk, self._data[start + HEAD.size : end]))
-        except ValueError as error:
+        except UNREADABLE as error:
             raise self.damaged(f"the chunk at byte {start}: {error}") from None
 
     def _scan(self) -> Iterator[tuple[bytes, dict[int, Indices]]]:
@@ -152,14 +172,20 @@ class McapFile:
                 data = self._chunk(start - HEAD.size, end)
             elif opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
                 continue
-            for kind, first, last in whole_records(data):
-                if kind == Opcode.SCHEMA:
-                    schema = parse(Schema, data[first:last])
-                    self.schemas[schema.id] = schema
-                elif kind == Opcode.CHANNEL:
-                    channel = parse(Channel, data[first:last])
-                    self.channels[channel.id] = channel
+            try:
+                self._take_definitions(data)
+            except ValueError as error:
+                raise self.damaged(f"the record at byte {start - HEAD.size}: {error}") from None
             yield data, _as_arrays(message_offsets(data))
+
+    def _take_definitions(self, data: bytes) -> None:
+        for kind, first, last in whole_records(data):
+            if kind == Opcode.SCHEMA:
+                schema = parse(Schema, data[first:last])
+                self.schemas[schema.id] = schema
+            elif kind == Opcode.CHANNEL:
+                channel = parse(Channel, data[first:last])
+                self.channels[channel.id] = channel
 
     def close(self) -> None:
         self._stream.close()

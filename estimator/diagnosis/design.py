@@ -41,7 +41,7 @@ class Candidate:
     columns: Indices
     """Its coefficients among all unknowns of the design."""
     channels: tuple[int, ...]
-    """The channels it enters, in the order of the effect's rows."""
+    """The channels it enters, in the order of the effect's rows, then of its speed rows."""
     lower: Array
     upper: Array
     """Limits of its coefficients."""
@@ -126,6 +126,8 @@ def make_design(
         enters = [Channel(effect.equation_at(place), row) for row in effect.rows(body, place)]
         if not all(channel in where for channel in enters):
             continue
+        speeds = [Channel("velocity", joint) for joint in effect.speed_rows(body, place)]
+        enters += [channel for channel in speeds if channel in where]
         grid, limits = effect.grid(place, scales), effect.limits(place, scales)
         count = effect.columns(place, moment, grid[0]).shape[2] if limits is None else len(limits[0])
         lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
@@ -196,7 +198,15 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
         # A channel that is late by δ reads x(t) − δ·dx/dt.
         yield number, -slope[channel.equation][:, [channel.index]].T
     for candidate in design.candidates:
-        hypothesis = design.hypotheses[candidate.hypothesis]
-        values = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)
+        values = candidate_columns(design, candidate, signals)
         for row, channel_index in enumerate(candidate.channels):
             yield channel_index, values[:, row].T
+
+
+def candidate_columns(design: Design, candidate: Candidate, signals: Signals) -> Array:
+    """(samples, channels, c) of a candidate, in the order of its channels."""
+    effect, place = (hypothesis := design.hypotheses[candidate.hypothesis]).effect, hypothesis.place
+    columns = effect.columns(place, signals, candidate.theta)
+    if columns.shape[1] == len(candidate.channels):
+        return columns
+    return np.concatenate([columns, effect.speed_columns(place, signals, candidate.theta)], axis=1)

@@ -13,6 +13,7 @@ from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
+from estimator.diagnosis.exchange import exchange
 from estimator.diagnosis.first_body import has_bodies
 from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.lack_of_fit import misfits
@@ -109,7 +110,9 @@ def judge(evidence: Evidence) -> Judged:
 
 
 def _searched(evidence: Evidence) -> tuple[Scores, list[Cause]]:
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
+    noise = evidence.noise
+    mixed = exchange(evidence.pieces, evidence.repeats, evidence.grid, noise) if noise.playings else None
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, noise.news, mixed)
     return scores, Search(scores).run()
 
 

@@ -6,7 +6,8 @@ bent law is not lost among the many forms that a map could take (data-driven smo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from scipy.special import chdtrc
 
 from estimator.diagnosis.maps import smoothest_first
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN
+from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN, RECURRING
 
 Array = NDArray[np.float64]
 
@@ -35,29 +36,38 @@ class Misfit:
     """Mean square that it explains, in the noise's variance."""
     false_alarm: float
     """Probability that chance makes any map of any joint as surprising."""
+    recurring: float = 1.0
+    """How much of it is there with the angles of another playing (`Scores.recurring`)."""
 
     @property
     def told(self) -> bool:
-        """Whether it is beyond chance, and no smaller than the noise is known."""
-        return self.false_alarm <= FALSE_ALARM and self.variance > LEAST_SEEN
+        """Whether it is beyond chance, no smaller than the noise is known, and none of the noise itself."""
+        return self.false_alarm <= FALSE_ALARM and self.variance > LEAST_SEEN and self.recurring > RECURRING
 
 
 def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
     """By joint, what the chosen candidates leave to a map."""
     maps = [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
     model, design = scores.model(chosen), scores.design
-    result: dict[int, Misfit] = {}
+    found: dict[int, list[Misfit]] = defaultdict(list)
     for k in maps:
         matrix, score, energy = model.left_of(design.candidates[k].columns)
         surprise, gain = _surprise(matrix, score, energy)
         (channel,) = design.candidates[k].channels
-        joint = design.channels[channel].index
         chance = -np.expm1(-len(maps) * _DEPTHS * np.exp(-surprise))
         variance = 2.0 * gain / (scores.weights[channel] * scores.total.rows)
-        own = Misfit(k, float(variance), float(chance))
-        if joint not in result or own.false_alarm < result[joint].false_alarm:
-            result[joint] = own
-    return result
+        found[design.channels[channel].index].append(Misfit(k, float(variance), float(chance)))
+    return {joint: _most_surprising(scores, chosen, own) for joint, own in found.items()}
+
+
+def _most_surprising(scores: Scores, chosen: list[int], found: list[Misfit]) -> Misfit:
+    """The first of those that are told, else the first."""
+    ranked = sorted(found, key=lambda misfit: misfit.false_alarm)
+    for misfit in (m for m in ranked if m.told):
+        judged = replace(misfit, recurring=scores.recurring(misfit.candidate, chosen))
+        if judged.told:
+            return judged
+    return replace(ranked[0], recurring=0.0) if ranked[0].told else ranked[0]
 
 
 def _surprise(matrix: Array, score: Array, energy: Array) -> tuple[float, float]:

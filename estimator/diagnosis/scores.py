@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 from estimator.diagnosis.chance import Chance, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products
 from estimator.diagnosis.design import Design, Hypothesis
+from estimator.diagnosis.exchange import Exchange
 from estimator.diagnosis.grams import Block, Sheet, part_of, total, without_each
 from estimator.diagnosis.left_out import gains_left_out
 from estimator.diagnosis.maps import Map
 
 Array = NDArray[np.float64]
 
+_RIDGE = 1e-9
+"""Of a column's energy: columns that tell the same share it."""
+_LEAST_EXCHANGED = 0.1
+"""Of what a candidate explains, how much must lie where motions recur for them to tell."""
 _SAME_ORDER = 0.5
 """Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
 
@@ -24,10 +29,16 @@ class Scores:
     """Of candidates and sets of them, at the present weights of the channels; worked out once, and remembered."""
 
     def __init__(
-        self, design: Design, blocks: Sequence[Block | Sheet], folds: Sequence[int], news: Array | None = None
+        self,
+        design: Design,
+        blocks: Sequence[Block | Sheet],
+        folds: Sequence[int],
+        news: Array | None = None,
+        exchange: Exchange | None = None,
     ) -> None:
         """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
-        independent rows would tell these do (`Noise.news`), all of it where none is given."""
+        independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchange`` what the
+        playings of repeated motions tell of each other."""
         self.design = design
         self.total = total(blocks)
         self.groups = groups_of(design)
@@ -35,7 +46,8 @@ class Scores:
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
         self._news = np.ones(len(design.channels)) if news is None else news
         self.weights = self._news.copy()
-        self._blocks, self._folds = blocks, folds
+        self._blocks, self._folds, self._exchange = blocks, folds, exchange
+        self._exchanged: dict[tuple[int, ...], Block] = {}
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
@@ -46,6 +58,7 @@ class Scores:
         self._supports: dict[frozenset[int], float] = {}
         self._gains: dict[frozenset[int], Array] = {}
         self._held_out: dict[tuple[int, frozenset[int]], float] = {}
+        self._recurring: dict[tuple[int, frozenset[int]], float] = {}
         self._explained: dict[tuple[int, int], Array] = {}
 
     def model(self, chosen: Sequence[int]) -> Conditional:
@@ -132,6 +145,33 @@ class Scores:
             error = float(gains.std(ddof=1) * np.sqrt(len(gains)))
             self._held_out[key] = float(gains.sum()) / max(error, 1e-12)
         return self._held_out[key]
+
+    def recurring(self, candidate: int, others: Sequence[int]) -> float:
+        """How much of what a candidate explains beside others is there still when each playing's angles are put beside
+        another playing's torques (`exchange`): one is all of it. One too where motions that recur do not tell."""
+        key = (candidate, frozenset(others))
+        if self._exchange is not None and key not in self._recurring:
+            self._recurring[key] = self._share_exchanged(self._exchange, candidate, others)
+        return self._recurring.get(key, 1.0)
+
+    def _share_exchanged(self, exchange: Exchange, candidate: int, others: Sequence[int]) -> float:
+        matrix, score, energy = self.model(others).left_of(self.design.candidates[candidate].columns)
+        # A map has columns where no motion comes: these stay zero.
+        scale = 1.0 / np.sqrt(np.where(energy > 0.0, energy, 1.0))
+        normal = matrix * np.outer(scale, scale) + _RIDGE * np.eye(len(scale)) + np.diag(energy <= 0.0)
+        value = scale * np.linalg.solve(normal, scale * score)
+        chosen = sorted({*others, candidate})
+        part = self.design.with_candidates([self.design.candidates[k] for k in chosen])
+        if tuple(chosen) not in self._exchanged:
+            self._exchanged[tuple(chosen)] = exchange.among(part)
+        columns = part.candidates[chosen.index(candidate)].columns
+        rest = np.setdiff1d(np.arange(part.size), columns)
+        mixed = Conditional(part, self._exchanged[tuple(chosen)], self.weights, rest)
+        there, told, _ = mixed.left_of(columns)
+        whole = float(value @ there @ value)
+        if whole <= _LEAST_EXCHANGED * float(value @ matrix @ value):
+            return 1.0
+        return float(value @ told) / whole
 
     def hypothesis(self, candidate: int) -> Hypothesis:
         """What a candidate is a form of."""

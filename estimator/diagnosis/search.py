@@ -23,6 +23,8 @@ LEAST_SEEN = 0.01
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
 _HELD_OUT = 1.64
 """Standard errors by which the held-out gain must be above zero."""
+RECURRING = 0.75
+"""Of what a cause explains, the share that must be there with the angles of another playing."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _MOST_CAUSES_A_JOINT = 3
@@ -103,14 +105,15 @@ class Search:
                 yield self._pruned(self._merged(self._simplified(grown), self._joint(candidate)))
 
     def _admitted(self, candidate: int, chosen: list[int]) -> bool:
-        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, and borne out by rows
-        left out. The dearest question last: a fit to each fold."""
+        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, borne out by rows left
+        out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
         gain = float(self.scores.gains(chosen)[candidate])
         return (
             self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
             and self._matters(candidate, chosen)
             and self._apart(candidate, chosen)
             and self.scores.held_out(candidate, chosen) > _HELD_OUT
+            and self.scores.recurring(candidate, chosen) > RECURRING
         )
 
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
@@ -291,13 +294,15 @@ class Search:
         return sorted(result, key=lambda rival: rival.gap)
 
     def _standing(self, chosen: list[int]) -> list[int]:
-        """Without causes that, given all others, do not improve what is predicted of rows left out, the worst first."""
-        while chosen:
-            worth = {k: self.scores.held_out(k, [c for c in chosen if c != k]) for k in chosen}
-            worst = min(worth, key=lambda k: worth[k])
-            if worth[worst] > _HELD_OUT:
-                break
-            chosen = [c for c in chosen if c != worst]
+        """Without causes that, given all others, do not improve what is predicted of rows left out, or do not recur
+        with the motion, the worst first."""
+        for judge, least in ((self.scores.held_out, _HELD_OUT), (self.scores.recurring, RECURRING)):
+            while chosen:
+                worth = {k: judge(k, [c for c in chosen if c != k]) for k in chosen}
+                worst = min(worth, key=lambda k: worth[k])
+                if worth[worst] > least:
+                    break
+                chosen = [c for c in chosen if c != worst]
         return chosen
 
     def _telling(self, chosen: list[int]) -> list[int]:

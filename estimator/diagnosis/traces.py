@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.design import Design, stretch_rows
+from estimator.diagnosis.design import Design, candidate_columns, stretch_rows
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.stretches import Channel, Grid, Stretch
@@ -154,8 +154,7 @@ class _Rows:
     def curve(self, refined: Refined, number: int, channel: int) -> Array:
         """(samples,) what a candidate adds to a channel, before the rows' filter."""
         candidate = self.design.candidates[number]
-        hypothesis = self.design.hypotheses[candidate.hypothesis]
-        columns = hypothesis.effect.columns(hypothesis.place, self.signals, candidate.theta)
+        columns = candidate_columns(self.design, candidate, self.signals)
         return np.asarray(columns[:, candidate.channels.index(channel)] @ refined.coefficients(number))
 
     def quantity(self, name: str, joint: int) -> Array:

@@ -103,6 +103,16 @@ class Law(ABC):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         """(samples, rows, c) for theta (p,): per unit of each of the c coefficients."""
 
+    def speed_rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        """Beside an equation of torques: the joints where it makes speeds differ from the slopes of the angles, which
+        counts where a velocity sensor was recorded."""
+        return ()
+
+    def speed_columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        """(samples, speed rows, c) rad/s by which measured speeds then exceed those slopes, per unit of the same
+        coefficients."""
+        return np.zeros((signals.samples, 0, 1))
+
     def limits(self, place: Place, scales: Scales) -> tuple[Array, Array] | None:
         """Least and largest value (c,) that each coefficient can have physically; None: any."""
         return None

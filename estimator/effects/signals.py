@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,16 @@ class Signals:
     def of_motion(cls, body: RigidBody, t: Array, q: Array, dq: Array, ddq: Array) -> Signals:
         """Of a planned motion."""
         return cls(body, t, q, dq, ddq, inverse_dynamics(body, body.prior(), q, dq, ddq))
+
+    def part(self, span: slice, t: Array) -> Signals:
+        """Some neighbouring samples of it, at other times ``t`` s; what was worked out of the motion is kept."""
+        channels = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t")}
+        result = replace(self, t=t, **{name: x[span] for name, x in channels.items() if x is not None})
+        if "regressor" in self.__dict__:
+            result.__dict__["regressor"] = self.regressor[span]
+        if "sensitivity" in self.__dict__:
+            result.__dict__["sensitivity"] = tuple(x[span] for x in self.sensitivity)
+        return result
 
     @property
     def samples(self) -> int:

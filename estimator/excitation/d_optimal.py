@@ -6,7 +6,7 @@ what is still beyond in the end is taken back by shrinking the motion about its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ _ITERATIONS = 60
 _MARGIN = 0.97
 """Share of the limits that is used: between the samples a motion goes a little further."""
 _FIRST_SIZE = 0.5
+_SHRINKINGS = 400
+"""By a fiftieth each: enough to stand still in the end."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ def design(
 ) -> DesignedMotion:
     """The best motion of ``basis`` found from ``starts`` seeded starts, to be played for ``seconds``.
 
-    Raises InputError when not even standing in the middle of the joints' ranges keeps the limits.
+    Raises InputError when not even standing still in `MotionLimits.centre` keeps the limits.
     """
     random = np.random.default_rng(seed)
     found = [
@@ -81,13 +83,13 @@ def judge(
 def _starts(
     information: Information, basis: MotionBasis, limits: MotionLimits, random: np.random.Generator, count: int
 ) -> list[Array]:
-    middle, half = (limits.upper + limits.lower) / 2.0, (limits.upper - limits.lower) / 2.0
-    still = np.outer(basis.centre, middle)
+    half = (limits.upper - limits.lower) / 2.0
+    still = np.outer(basis.centre, limits.centre)
     if limits.worst(information.body, *basis.motion(still)) > 1.0:
         raise InputError(
             "limits",
-            "do not allow to stand in the middle of the joints' ranges",
-            "raise the torque limits or the floor",
+            "do not allow to stand still in the pose that the motion is designed about",
+            "raise the torque limits or lower the floor",
         )
     result = []
     for _ in range(count):
@@ -106,15 +108,13 @@ def _from(
 ) -> DesignedMotion:
     body, shape = information.body, first.shape
     scale = (limits.upper - limits.lower) / 2.0
-    inner = MotionLimits(
-        (limits.upper + limits.lower) / 2.0 - _MARGIN * scale,
-        (limits.upper + limits.lower) / 2.0 + _MARGIN * scale,
-        _MARGIN * limits.velocity,
-        _MARGIN * limits.acceleration,
-        None if limits.torque is None else _MARGIN * limits.torque,
-        limits.parameters,
-        limits.floor,
-        limits.tips,
+    inner = replace(
+        limits,
+        lower=(limits.upper + limits.lower) / 2.0 - _MARGIN * scale,
+        upper=(limits.upper + limits.lower) / 2.0 + _MARGIN * scale,
+        velocity=_MARGIN * limits.velocity,
+        acceleration=_MARGIN * limits.acceleration,
+        torque=None if limits.torque is None else _MARGIN * limits.torque,
     )
 
     def cost(flat: Array, weight: float) -> tuple[float, Array]:
@@ -139,14 +139,13 @@ def _from(
 
 
 def _within(information: Information, basis: MotionBasis, limits: MotionLimits, coefficients: Array) -> Array:
-    """The motion shrunk about its centre, its centre drawn to the middle, until the limits hold."""
-    middle = (limits.upper + limits.lower) / 2.0
-    for _ in range(60):
+    """The motion shrunk about its own centre, and that drawn to where the limits let stand, until the limits hold."""
+    for _ in range(_SHRINKINGS):
         if limits.worst(information.body, *basis.motion(coefficients)) <= 1.0:
             break
         coefficients = basis.towards_centre(coefficients, 0.98)
         pose = basis.pose(coefficients)
-        coefficients = coefficients + np.outer(basis.centre, 0.02 * (middle - pose))
+        coefficients = coefficients + np.outer(basis.centre, 0.02 * (limits.centre - pose))
     return coefficients
 
 

@@ -14,13 +14,17 @@ from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
+_SUNK_M = 0.05
+"""Below the floor by this much is as bad as twice a limit."""
+
 
 @dataclass(frozen=True)
 class MotionLimits:
     """(n,) each; rad, rad/s, rad/s², N·m (m, …, N where a joint slides).
 
     ``torque`` is held by the model ``parameters`` (10·n,); both or neither. ``floor`` m: all joints' origins and the
-    points ``tips`` (k, 3) of the last link stay above that height in the base's frame.
+    points ``tips`` (k, 3) of the last link stay above that height in the base's frame. ``stand`` (n,) is the pose that
+    a design starts from and is drawn back to; the middle of the joints' ranges without one.
     """
 
     lower: Array
@@ -31,6 +35,12 @@ class MotionLimits:
     parameters: Array | None = None
     floor: float | None = None
     tips: tuple[tuple[float, float, float], ...] = ()
+    stand: Array | None = None
+
+    @property
+    def centre(self) -> Array:
+        """(n,) the pose to stand in."""
+        return (self.upper + self.lower) / 2.0 if self.stand is None else self.stand
 
     def worst(self, body: RigidBody, q: Array, dq: Array, ddq: Array) -> float:
         """The largest use of any limit, one being all of it; of the joints' ranges about their middles."""
@@ -43,9 +53,14 @@ class MotionLimits:
         if self.torque is not None and self.parameters is not None:
             uses.append(np.abs(inverse_dynamics(body, self.parameters, q, dq, ddq)) / self.torque)
         worst = max(float(use.max()) for use in uses)
-        if self.floor is not None and float(_heights(body, q, self.tips).min()) < self.floor:
-            return max(worst, 1.0 + self.floor - float(_heights(body, q, self.tips).min()))
-        return worst
+        sunk = self.below_floor(body, q)
+        return max(worst, 1.0 + sunk / _SUNK_M) if sunk > 0.0 else worst
+
+    def below_floor(self, body: RigidBody, q: Array) -> float:
+        """m that the lowest point sinks below the floor in poses (samples, n); 0 when it does not, or there is none."""
+        if self.floor is None:
+            return 0.0
+        return max(0.0, self.floor - min(float(_points(body, pose, self.tips)[0].min()) for pose in q))
 
     def penalty(self, body: RigidBody, q: Array, dq: Array, ddq: Array) -> tuple[float, tuple[Array, ...]]:
         """Mean square of what goes beyond the limits, each in its own units, and its derivatives by q, dq, ddq."""
@@ -76,11 +91,12 @@ class MotionLimits:
 
 
 def _points(body: RigidBody, q: Array, tips: tuple[tuple[float, float, float], ...]) -> tuple[Array, Array]:
-    """Heights (points,) of the joints' origins and the tips at one pose, and their derivatives (points, n)."""
+    """Heights (points,) of the joints' origins and the tips at one pose, and their derivatives (points, n). The first
+    joint's origin is left out: no motion moves it."""
     data = body.model.createData()
     pin.computeJointJacobians(body.model, data, body.configuration(q))
     last = body.model.njoints - 1
-    places = [(k, np.zeros(3)) for k in range(1, body.model.njoints)] + [(last, np.array(tip)) for tip in tips]
+    places = [(k, np.zeros(3)) for k in range(2, body.model.njoints)] + [(last, np.array(tip)) for tip in tips]
     heights, by_q = np.empty(len(places)), np.empty((len(places), body.n))
     for row, (joint, offset) in enumerate(places):
         frame = data.oMi[joint]
@@ -92,17 +108,13 @@ def _points(body: RigidBody, q: Array, tips: tuple[tuple[float, float, float], .
     return heights, by_q
 
 
-def _heights(body: RigidBody, q: Array, tips: tuple[tuple[float, float, float], ...]) -> Array:
-    return np.array([_points(body, pose, tips)[0] for pose in q])
-
-
 def _floor_penalty(
     body: RigidBody, q: Array, tips: tuple[tuple[float, float, float], ...], floor: float
 ) -> tuple[float, Array]:
     total, slope = 0.0, np.zeros(q.shape)
     for k, pose in enumerate(q):
         heights, by_q = _points(body, pose, tips)
-        beyond = np.maximum(floor - heights, 0.0)
+        beyond = np.maximum(floor - heights, 0.0) / _SUNK_M
         total += float(beyond @ beyond) / len(q)
-        slope[k] = -2.0 * beyond @ by_q / len(q)
+        slope[k] = -2.0 * beyond @ by_q / (_SUNK_M * len(q))
     return total, slope

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from config import InputError, Installation
 from config.motion import check_motion, load_motion, sample
+from config.toml_file import shown
 from estimator.base_parameters import base_parameters
 from estimator.excitation import Information, MotionBasis, MotionLimits, design, fourier_basis, judge
 from estimator.rigid_body import RigidBody
@@ -25,6 +26,8 @@ SAMPLES = 60
 """A period: the fifth harmonic has twelve."""
 NOISE_SHARE = 0.01
 """rms noise of a torque channel, share of the joint's limit, when none is known."""
+HEIGHTS_HZ = 50.0
+"""At which the played poses are held above the floor."""
 FADES_S = (1.5, 3.0, 5.0, 8.0, 12.0)
 """Rise and fall add to velocities and accelerations: the shortest that keeps the limits is taken."""
 SIZES = tuple(0.95**k for k in range(20))
@@ -64,7 +67,7 @@ def design_motion(installation: Installation, path: Path, seed: int = 0) -> Desi
     seconds = PERIODS / BASE_HZ
     basis = fourier_basis(BASE_HZ, HARMONICS, SAMPLES)
     best = design(information, basis, limits, seconds, seed, starts=1)
-    coefficients = _write_what_can_be_played(installation, path, basis, best.coefficients)
+    coefficients = _write_what_can_be_played(installation, body, path, basis, best.coefficients)
     told, errors, _ = judge(information, limits, *basis.motion(coefficients), seconds)
     own = _own_motions(installation, seconds)
     own_told, own_errors = (None, None)
@@ -74,8 +77,12 @@ def design_motion(installation: Installation, path: Path, seed: int = 0) -> Desi
     return DesignReport(path, seconds, told, float(errors.max()), own_told, own_errors)
 
 
-def _write_what_can_be_played(installation: Installation, path: Path, basis: MotionBasis, coefficients: Array) -> Array:
-    """Writes the file with the first fade and size that pass the check of every motion; returns what was written."""
+def _write_what_can_be_played(
+    installation: Installation, body: RigidBody, path: Path, basis: MotionBasis, coefficients: Array
+) -> Array:
+    """Writes the file with the first fade and size that pass the check of every motion and stay above the floor;
+    returns what was written."""
+    limits = limits_of(installation, body)
     for size in SIZES:
         smaller = basis.towards_centre(coefficients, size)
         for fade in FADES_S:
@@ -85,23 +92,44 @@ def _write_what_can_be_played(installation: Installation, path: Path, basis: Mot
                 check_motion(played, installation)
             except InputError:
                 continue
-            return smaller
+            way = np.linspace(installation.arm.home_rad, played.q[0], SAMPLES)
+            thinned = played.q[:: max(1, int(installation.cycle.rate_hz / HEIGHTS_HZ))]
+            if limits.below_floor(body, np.concatenate([way, thinned])) == 0.0:
+                return smaller
     path.unlink()
     raise InputError(installation.arm.name, "has limits that allow no motion of this kind", "check the limits")
 
 
 def limits_of(installation: Installation, body: RigidBody) -> MotionLimits:
-    """The limits of an installation's joints; of torque by the URDF's masses, a tenth of it left to control."""
+    """The limits of an installation's joints, and its floor; of torque by the URDF's masses, a tenth of it left to
+    control. Where the middle of the joints' ranges lies below the floor, motions stand about the home. Raises
+    InputError when the home is below the floor."""
     limits = [joint.limits for joint in installation.joint]
     parameters = body.prior() if np.any(body.prior()[::10] > 0.0) else None
-    return MotionLimits(
+    found = MotionLimits(
         lower=np.array([x.position_rad[0] for x in limits]),
         upper=np.array([x.position_rad[1] for x in limits]),
         velocity=np.array([x.velocity_rad_s for x in limits]),
         acceleration=np.array([x.acceleration_rad_s2 for x in limits]),
         torque=None if parameters is None else np.array([0.9 * x.torque_nm for x in limits]),
         parameters=parameters,
+        floor=installation.arm.floor_m,
+        tips=(_tool_point(body, installation.arm.tool_frame),),
     )
+    home = np.array(installation.arm.home_rad)
+    if (sunk := found.below_floor(body, home[None])) > 0.0:
+        raise InputError(
+            f"{shown(installation.path)}: arm.floor_m",
+            f"the arm's home is {sunk:.3g} m below {installation.arm.floor_m:g} m",
+            "give the height of what stands below the arm, in the base's frame",
+        )
+    return found if found.below_floor(body, found.centre[None]) == 0.0 else replace(found, stand=home)
+
+
+def _tool_point(body: RigidBody, frame: str) -> tuple[float, float, float]:
+    """The tool frame's origin on the last link, m."""
+    x, y, z = body.model.frames[body.model.getFrameId(frame)].placement.translation
+    return float(x), float(y), float(z)
 
 
 def information_of(installation: Installation, body: RigidBody) -> Information:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
+
+from driver.recording.mcap_records import UNREADABLE
 
 JOINT_STATES = "/joint_states"
 
@@ -20,7 +21,7 @@ def summarise(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         try:
             summary = make_reader(stream).get_summary()
-        except McapError:
+        except UNREADABLE:
             return outline
     if summary is None or summary.statistics is None:
         return outline

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from config import load_installation
 from driver.cia402.pdo import Feedback
+from driver.cia402.pdo_input import Reception
 from driver.cia402.states import Control, State, next_state
 from driver.cyclic.axis import RESET_TIMEOUT_NS, STEP_TIMEOUT_NS, Axis
 from driver.cyclic.controller import TorqueController
@@ -19,6 +20,7 @@ from driver.cyclic.damping import DampedStop
 from driver.cyclic.feedback import ArmFeedback
 from driver.cyclic.messages import plan_from_memory, plan_to_memory
 from driver.cyclic.reference import Desired, Hold, SlowDown
+from driver.cyclic.supervision import Supervision
 from driver.gravity import RigidBody
 from driver.plan import Plan
 
@@ -190,3 +192,22 @@ def test_a_plan_survives_its_way_through_memory() -> None:
         assert np.array_equal(a, b)
     for name in ("mode", "controller", "controller_rate_hz", "urdf", "name"):
         assert getattr(again, name) == getattr(plan, name)
+
+
+def test_a_drive_that_was_in_fault_before_anybody_listened_is_told_with_its_error() -> None:
+    """Its emergency was sent while it was set up; the reason is what it said then, of this fault alone."""
+    supervision, feedback = Supervision(DDA), ArmFeedback(N)
+    supervision.forget({"joint2": "fault: over-voltage of the DC link (3210)"})
+
+    def causes(state: State) -> list[str]:
+        words = [STATUSWORDS[State.SWITCHED_ON], STATUSWORDS[state], STATUSWORDS[State.SWITCHED_ON]]
+        feedback.take(Feedback([True] * N, words, ZEROS, ZEROS, ZEROS), 0)
+        return supervision.look(Reception(), feedback, [], punctual=True, commanding=False).causes
+
+    assert causes(State.FAULT) == ["joint2: the drive reports fault: over-voltage of the DC link (3210)"]
+    assert causes(State.FAULT) == []
+    assert causes(State.SWITCHED_ON) == []
+    assert causes(State.FAULT) == ["joint2: the drive reports fault"]
+    supervision.forget({"joint2": "fault: over-voltage of the DC link (3210)"})
+    assert causes(State.SWITCHED_ON) == []
+    assert causes(State.FAULT) == ["joint2: the drive reports fault"]

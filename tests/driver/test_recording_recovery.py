@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fcntl
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,8 @@ from config import InputError, Installation
 from driver.cyclic.cycle import Cycle
 from driver.recording import RunWriter, read_recording, recover
 from driver.recording import ros2_definitions as ros2
+from driver.recording.mcap_records import whole_records
+from service.reports.recording_list import summarise
 
 CycleMaker = Callable[..., list[Cycle]]
 Key = tuple[str, int, int, bytes]
@@ -115,22 +117,73 @@ def test_the_original_may_be_kept(tmp_path: Path, whole: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cut.mcap", "new.mcap"]
 
 
+def check_nothing_is_lost_in_silence(path: Path, data: bytes, everything: set[Key]) -> None:
+    """Recovered from these bytes, a file holds all messages, or its report says that it does not."""
+    path.write_bytes(data)
+    try:
+        report = recover(path)
+    except InputError:
+        return
+    whole_again = set(messages(path)) == everything
+    assert whole_again or (not report.complete and (report.damaged or report.lost_bytes)), report
+
+
 def test_a_flipped_byte_costs_its_chunk_and_is_said(tmp_path: Path, whole: Path) -> None:
-    data, everything = whole.read_bytes(), messages(whole)
-    rng = np.random.default_rng(5)
+    data, everything = whole.read_bytes(), set(messages(whole))
+    for at in np.random.default_rng(5).integers(8, len(data), 400).tolist():
+        flipped = data[:at] + bytes((data[at] ^ 0xFF,)) + data[at + 1 :]
+        check_nothing_is_lost_in_silence(tmp_path / "damaged.mcap", flipped, everything)
+
+
+def test_a_chunk_that_announces_more_than_it_holds_is_damaged(tmp_path: Path, whole: Path) -> None:
+    """Its bytes fit their checksum; yet a reader that trusts the length asks for 2⁴⁸ bytes and more."""
+    data = whole.read_bytes()
+    with whole.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    first = summary.chunk_indexes[0]
+    head = first.chunk_start_offset
+    length = head + 9 + 28 + 4 + len(first.compression)
+    assert int.from_bytes(data[length : length + 8], "little") == first.compressed_size
     damaged = tmp_path / "damaged.mcap"
-    for at in rng.integers(8, len(data), 400).tolist():
+    for at in (head + 1, head + 3, head + 8, *range(length, length + 8)):
         broken = bytearray(data)
         broken[at] ^= 0xFF
         damaged.write_bytes(broken)
+        report = recover(damaged)
+        assert not report.complete
+        assert report.damaged
+        assert set(messages(damaged)) <= set(messages(whole))
+        assert recover(damaged).complete
+
+
+def turned(whole: Path) -> Iterator[bytes]:
+    """A recording with one byte turned in the head of a record, or in what follows it."""
+    data = whole.read_bytes()
+    heads = [place.start - 9 for place in whole_records(data, 8)]
+    chosen = heads[:: len(heads) // 12] + heads[-3:]
+    for at in sorted({at for head in chosen for at in range(head, min(head + 50, len(data)))}):
+        for by in (0xFF, 0x01):
+            yield data[:at] + bytes((data[at] ^ by,)) + data[at + 1 :]
+
+
+def test_a_turned_byte_in_the_head_of_a_record_is_never_lost_in_silence(tmp_path: Path, whole: Path) -> None:
+    everything = set(messages(whole))
+    for data in turned(whole):
+        check_nothing_is_lost_in_silence(tmp_path / "damaged.mcap", data, everything)
+
+
+def test_a_turned_byte_is_read_or_named(tmp_path: Path, whole: Path) -> None:
+    damaged, named = tmp_path / "damaged.mcap", 0
+    for data in turned(whole):
+        damaged.write_bytes(data)
+        summarise(damaged)
         try:
-            report = recover(damaged)
-        except InputError:
-            continue
-        got = set(messages(damaged))
-        assert got <= set(everything) or not report.complete
-        if len(got) < len(everything) and not report.complete:
-            assert report.damaged or report.lost_bytes
+            read_recording(damaged)
+        except InputError as error:
+            named += 1
+            assert str(damaged) in str(error)
+    assert named > 100
 
 
 def test_smashed_bytes_cost_the_chunks_they_touch_and_no_other(

@@ -119,6 +119,9 @@ def test_columns_are_finite_for_every_choice(name: str, signals: Signals, scales
             counts.add(columns.shape[2])
             assert columns.shape == (signals.samples, rows, *counts)
             assert np.isfinite(columns).all()
+            if speeds := found.speed_rows(signals.body, place):
+                assert found.equation_at(place) == "torque"
+                assert found.speed_columns(place, signals, theta).shape == (signals.samples, len(speeds), *counts)
             felt += bool(np.any(columns))
         limits = found.limits(place, scales)
         if limits is not None:

@@ -56,6 +56,18 @@ def test_an_eccentric_disc_is_the_torque_of_the_motion_that_was_not_measured(sig
     assert_close(found[5:-5], (rigid(s.body, *true) - s.tau_rigid)[5:-5], 5e-3)
 
 
+def test_an_eccentric_disc_has_not_the_speed_of_a_tachometer(signals: Signals) -> None:
+    """The slope of what the disc reads is in error, the tachometer's speed is not; speeds of the same disc agree."""
+    joint, a, phase = 2, 1e-3, 0.7
+    found = effect("encoder_eccentricity")
+    _, coefficients = found.unknowns(ELBOW, {"amplitude": a, "phase": phase})
+    assert found.speed_rows(signals.body, ELBOW) == (joint,)
+    slope_of_error = a * np.cos(signals.q[:, joint] + phase) * signals.dq[:, joint]
+    own = found.speed_columns(ELBOW, signals, np.ones(1))[:, 0] @ coefficients
+    assert_close(own[5:-5], -slope_of_error[5:-5], 5e-3)
+    assert not found.speed_columns(ELBOW, signals, np.zeros(1)).any()
+
+
 def test_a_tilted_base_is_turned_gravity(signals: Signals) -> None:
     roll, pitch = 2e-3, -3e-3
     tilted = Rotation.from_euler("xy", [roll, pitch]).inv().apply(signals.body.gravity)

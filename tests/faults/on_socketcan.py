@@ -36,7 +36,7 @@ PART = frozenset(
         "feedback 3 ms late", "commands too short", "drive's controller bus-off by bit errors",
         "host's controller bus-off, restarted", "babbling node", "cable cut for 30 ms",
         "SDO: no answer to one object", "SDO: abort 06090030", "mapping silently altered", "SYNC missing",
-        "heartbeat lost", "spontaneous boot-up", "emergency storm",
+        "heartbeat lost", "spontaneous boot-up", "emergency storm", "fault in SWITCH_ON_DISABLED",
         "over-voltage in motion, torque mode", "safe torque off for a moment", "encoder jumps", "brake stuck",
         "wrong CRC", "unplugged and back", *(s.name for s in INTERFACE),
     }

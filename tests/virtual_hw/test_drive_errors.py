@@ -141,6 +141,17 @@ def test_a_host_that_stops_or_resets_communication_is_a_lost_connection(watched:
     assert watched.state is S.QUICK_STOP_ACTIVE
 
 
+def test_a_drive_in_fault_still_says_why_after_a_reset_of_its_communication(bench: Any) -> None:
+    bench.node.axis.fault(ErrorCode.HEARTBEAT_LOST)
+    bench.node.axis.fault(0x3210)
+    bench.nmt(0x82)
+    assert bench.state is S.FAULT
+    assert bench.read(0x603F) == 0x3210
+    assert bench.read(0x1001) == 0x05, "what is left is of voltage, not of communication"
+    bench.nmt(0x81)
+    assert bench.read(0x603F) == bench.read(0x1001) == 0
+
+
 def test_a_fault_is_told_once_and_kept_in_the_history(bench: Any) -> None:
     bench.heard.clear()
     for code in (ErrorCode.FOLLOWING_ERROR, ErrorCode.FOLLOWING_ERROR, 0x2310):

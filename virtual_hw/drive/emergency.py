@@ -11,6 +11,8 @@ from virtual_hw.drive.objects import ObjectStore
 
 _EMCY = struct.Struct("<HB5x")
 _HISTORY = 0x1003
+_COMMUNICATION = 0x10
+"""Bit of the error register."""
 
 
 class ErrorCode(IntEnum):
@@ -30,7 +32,7 @@ def register_bit(code: int) -> int:
     """Bit of the error register that a code sets beside the generic one (CiA 301, 7.5.2.2)."""
     family = code >> 8
     if family in (0x81, 0x82):
-        return 0x10
+        return _COMMUNICATION
     return {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x7: 0x20, 0x8: 0x20, 0xF: 0x80}.get(code >> 12, 0)
 
 
@@ -82,11 +84,12 @@ class Emergencies:
         if not remaining:
             self._send(_EMCY.pack(0, self._values[self._register]))
 
-    def reset(self) -> None:
-        """Forget all errors, silently, as a reset does."""
-        self._present = []
+    def reset(self, *, communication: bool = False) -> None:
+        """Forget all errors, silently, as a reset of the node does, or those of communication alone: a drive that is in
+        fault after a reset of its communication still says why."""
+        self._present = [code for code in self._present if communication and register_bit(code) != _COMMUNICATION]
         self._update_register()
-        self._values[self._error_code] = 0
+        self._values[self._error_code] = self._present[-1] if self._present else 0
         self._clear_history()
 
     def _update_register(self) -> None:

@@ -141,7 +141,7 @@ class DriveNode:
             self.axis.power_on()
         else:
             self.store.reset(0x1000, 0x1FFF)
-            self._emergencies.reset()
+            self._emergencies.reset(communication=True)
             self.axis.disconnect()
         self._boot()
 
