@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from estimator.diagnosis.bounded import bounded_fits
-from estimator.diagnosis.design import Design
+from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block
 
 Array = NDArray[np.float64]
@@ -163,3 +164,27 @@ class Conditional:
             result[group.candidates] = gain[:, 0]
             coefficients.append(x[:, :, 0])
         return result, coefficients
+
+
+def within_limits(
+    design: Design, block: Block, weights: Array, candidates: Sequence[Candidate], least: int = 0
+) -> Conditional:
+    """The given model with ``candidates``, fitted without coefficients that would be negative and cannot be, or
+    positive: those are zero. The one farthest beyond, in its standard errors, goes first, as long as its candidate
+    keeps ``least`` coefficients.
+    """
+    owner = np.repeat(np.arange(len(candidates)), [len(c.columns) for c in candidates])
+    columns = np.concatenate([np.zeros(0, dtype=np.intp), *(c.columns for c in candidates)])
+    signs = (np.where(c.lower == 0.0, 1.0, np.where(c.upper == 0.0, -1.0, 0.0)) for c in candidates)
+    sign = np.concatenate([np.zeros(0), *signs])
+    kept = np.ones(len(columns), dtype=bool)
+    while True:
+        model = Conditional(design, block, weights, np.concatenate([np.arange(design.given), columns[kept]]))
+        inside = np.zeros(len(columns))
+        inside[kept] = sign[kept] * model.value[design.given :]
+        beyond = (inside < 0.0) & (np.bincount(owner[kept], minlength=len(candidates))[owner] > least)
+        if not beyond.any():
+            return model
+        error = np.ones(len(columns))
+        error[kept] = np.sqrt(np.diag(model.covariance)[design.given :])
+        kept[np.argmin(np.where(beyond, inside / error, 0.0))] = False

@@ -1,11 +1,12 @@
 """Maps: what a residual torque depends on when no law of the catalogue explains it.
 
-A map is any function of one quantity, straight between a few knots. It has no physical parameter; it tells where the
-unexplained lives.
+A map is any function of one quantity, straight between a few knots, or any memory of the way since reversals. It has no
+physical parameter; it tells where the unexplained lives.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from estimator.rigid_body import RigidBody
 Array = NDArray[np.float64]
 
 _KNOTS = 8
+MEMORY = "travel since reversals"
 _REACH = 2.5
 """rms speeds, accelerations, torques to which a map reaches."""
 
@@ -46,10 +48,13 @@ class Map(Law):
         return joint
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        """theta is the knots, so that all recordings share them."""
+        """theta is the knots, so that all recordings share them; of a memory, the widths at which it yields."""
         joint = self.source(place)
         if self.quantity == "time":
             return np.linspace(0.0, scales.duration, _KNOTS)[None]
+        if self.quantity == MEMORY:
+            reach = float(scales.q_high[joint] - scales.q_low[joint])
+            return np.asarray(reach * 0.5 ** np.arange(_KNOTS, 0, -1))[None]
         if self.quantity in ("angle", "friction along the angle"):
             return np.linspace(scales.q_low[joint], scales.q_high[joint], _KNOTS)[None]
         rms = {"speed": scales.dq, "acceleration": scales.ddq, "torque": scales.tau}[self.quantity][joint]
@@ -57,6 +62,8 @@ class Map(Law):
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint = self.source(place)
+        if self.quantity == MEMORY:
+            return stops(signals.q[:, joint], theta)[:, None, :]
         channel = {
             "time": signals.t,
             "angle": signals.q[:, joint],
@@ -95,7 +102,24 @@ def hats(x: Array, knots: Array) -> Array:
     return np.array([np.interp(x, knots, unit) for unit in np.eye(len(knots))]).T
 
 
+def stops(q: Array, widths: Array) -> Array:
+    """(samples, widths) of elements that follow the angle until they yield at ± their width, and again from each
+    reversal on: sums of these are any memory that fades with the way (Prandtl–Ishlinskii), in units of its force."""
+    step = np.sign(np.diff(q))
+    moving = np.flatnonzero(step)
+    result = np.zeros((len(q), len(widths)))
+    if not len(moving):
+        return result
+    turns = moving[1:][step[moving[1:]] != step[moving[:-1]]]
+    edges = [int(moving[0]), *turns.tolist(), len(q) - 1]
+    for first, last in pairwise(edges):
+        run = slice(first, last + 1)
+        result[run] = np.clip(result[first] + (q[run] - q[first])[:, None] / widths, -1.0, 1.0)
+    return result
+
+
 MAPS = (
     *(Map(quantity) for quantity in ("angle", "speed", "acceleration", "torque", "time", "friction along the angle")),
+    Map(MEMORY),
     *(Map(quantity, of_neighbour=True) for quantity in ("angle", "speed")),
 )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.conditional import Conditional
+from estimator.diagnosis.conditional import Conditional, within_limits
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, sum_up, total
 from estimator.diagnosis.noise import Noise
@@ -88,31 +88,10 @@ def refine(
     whole = Conditional(wide, block, weights, np.arange(size))
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)
-    model = _within_limits(own, block, weights)
+    model = within_limits(own, block, weights, own.candidates)
     value = np.zeros(own.size)
     value[model.active] = model.value
     return Refined(own, value, covariance, model)
-
-
-def _within_limits(design: Design, block: Block, weights: Array) -> Conditional:
-    """Fitted without the coefficients that would be negative and cannot be, or positive: those are zero. The one
-    farthest beyond, in its standard errors, goes first."""
-    zero = [
-        (candidate.columns[low | high], np.where(low, 1.0, -1.0)[low | high])
-        for candidate in design.candidates
-        for low, high in [(candidate.lower == 0.0, candidate.upper == 0.0)]
-    ]
-    columns = np.concatenate([c for c, _ in zero]) if zero else np.zeros(0, dtype=np.intp)
-    sign = np.concatenate([s for _, s in zero]) if zero else np.zeros(0)
-    active = np.arange(design.size)
-    while True:
-        model = Conditional(design, block, weights, active)
-        value, error = np.zeros(design.size), np.ones(design.size)
-        value[active], error[active] = model.value, np.sqrt(np.diag(model.covariance))
-        inside = sign * value[columns] / error[columns]
-        if not len(inside) or inside.min() >= 0.0:
-            return model
-        active = active[active != columns[np.argmin(inside)]]
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:

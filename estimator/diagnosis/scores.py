@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.chance import Chance, resample
-from estimator.diagnosis.conditional import Conditional, groups_of, products
+from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
 from estimator.diagnosis.grams import Block, Sheet, part_of, total, without_each
@@ -62,10 +62,10 @@ class Scores:
         self._explained: dict[tuple[int, int], Array] = {}
 
     def model(self, chosen: Sequence[int]) -> Conditional:
-        """The given model with these candidates, fitted at the present weights."""
-        columns = [self.design.candidates[k].columns for k in chosen]
-        active = np.concatenate([np.arange(self.design.given), *columns]).astype(np.intp)
-        return Conditional(self.design, self.total, self.weights, active)
+        """The given model with these candidates, fitted at the present weights. A part of a law that would have the
+        wrong sign is not there; a law that has it as a whole keeps it, and is refused for that."""
+        candidates = [self.design.candidates[k] for k in chosen]
+        return within_limits(self.design, self.total, self.weights, candidates, least=1)
 
     def excess(self, chosen: Sequence[int]) -> Array:
         """(channels,) mean square of the whitened residual: one where only noise is left."""

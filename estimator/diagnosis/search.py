@@ -144,15 +144,15 @@ class Search:
 
     def _beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
         """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""
-        model, place = self.scores.model(chosen), self.design.given
+        model = self.scores.model(chosen)
+        value, error = np.zeros(self.design.size), np.zeros(self.design.size)
+        value[model.active], error[model.active] = model.value, slack * np.sqrt(np.diag(model.covariance))
         result = []
         for k in chosen:
             own = self.design.candidates[k]
-            span = slice(place, place + len(own.columns))
-            value, error = model.value[span], slack * np.sqrt(np.diag(model.covariance)[span])
-            if np.any(value < own.lower - error) or np.any(value > own.upper + error):
+            low, high = value[own.columns] - own.lower, own.upper - value[own.columns]
+            if np.any(np.minimum(low, high) < -error[own.columns]):
                 result.append(k)
-            place = span.stop
         return result
 
     def _matters(self, candidate: int, chosen: list[int]) -> bool:

@@ -15,7 +15,7 @@ from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
-DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3)
+DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1)
 """rad over which friction turns round, to try; at least a ten-thousandth of the joint's range."""
 
 

@@ -13,7 +13,7 @@ from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import gather
 from estimator.diagnosis.lack_of_fit import _DEPTHS, Misfit, _surprise, misfits
-from estimator.diagnosis.maps import smoothest_first
+from estimator.diagnosis.maps import smoothest_first, stops
 from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
@@ -28,12 +28,23 @@ def body(make_chain: Callable[..., RigidBody]) -> RigidBody:
 @pytest.fixture(scope="module")
 def record(body: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Record:
     """Three motions of two joints, each played twice, with friction of the speeds."""
+    return recorder(body, make_periodic, lambda friction, q, dq: friction(dq))
 
-    def make(friction: Callable[[Array], Array]) -> list[Trajectory]:
+
+@pytest.fixture(scope="module")
+def record_along(body: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Record:
+    """The same, with a force of the angles that were passed."""
+    return recorder(body, make_periodic, lambda force, q, dq: force(q))
+
+
+def recorder(
+    body: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]], torque: Callable[..., Array]
+) -> Record:
+    def make(law: Callable[[Array], Array]) -> list[Trajectory]:
         random, recordings = np.random.default_rng(3), []
         for motion in range(3):
             t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
-            tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + friction(dq)
+            tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + torque(law, q, dq)
             for _ in range(2):
                 measured = q + 1e-6 * random.normal(size=q.shape)
                 recordings.append(Trajectory(t, measured, tau + 0.2 * random.normal(size=q.shape)))
@@ -51,6 +62,29 @@ def test_a_law_that_is_not_the_catalogue_s_is_flagged_beside_the_one_that_it_res
     assert list(found.unexplained) == [0]
     assert found.unexplained[0].signature == "a function of speed"
     assert 0.02 < found.unexplained[0].share < 0.6
+
+
+def test_a_memory_of_reversals_is_no_spring(body: RigidBody, record_along: Record) -> None:
+    """A dress pack: nine parts in ten of its force yield within 0.3 rad, which a spring and friction resemble."""
+
+    def pack(q: Array) -> Array:
+        force, memory = np.zeros_like(q), 0.0
+        for k, step in enumerate(np.diff(q[:, 0])):
+            memory += step / 0.3 * (1.0 - memory**2 if step * memory > 0.0 else 1.0)
+            force[k + 1, 0] = 0.27 * memory + 0.1 * (q[k + 1, 0] - q[0, 0])
+        return force
+
+    found = diagnose(body, record_along(pack))
+    assert found.verdict == "unknown"
+    assert found.unexplained[0].signature == "a function of travel since reversals"
+
+
+def test_stops_yield_at_their_width_and_take_up_again_at_a_reversal() -> None:
+    q = np.array([0.0, 0.1, 0.3, 0.2, -0.4, -0.4, -0.3])
+    small, large = stops(q, np.array([0.2, 1.0])).T
+    np.testing.assert_allclose(small, [0.0, 0.5, 1.0, 0.5, -1.0, -1.0, -0.5])
+    np.testing.assert_allclose(large, q, atol=1e-15)
+    np.testing.assert_array_equal(stops(np.ones(3), np.array([0.2])), np.zeros((3, 1)))
 
 
 def test_a_named_law_that_fits_leaves_nothing(body: RigidBody, record: Record) -> None:
