@@ -41,7 +41,7 @@ AMBIGUOUS = 3.0
 _SHOWN = 5
 """Alternatives that an answer lists."""
 _SIGNIFICANT = 3.5
-"""Standard errors by which a residual must exceed the noise to be called unexplained."""
+"""Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
 _VISIBLE = 0.35
 """Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 _WORTH_TELLING = 0.12
@@ -102,9 +102,8 @@ def judge(evidence: Evidence) -> Judged:
     if not evidence.noise.playings:
         evidence = by_what_is_left(evidence, scores, [cause.candidate for cause in causes])
         scores, causes = _searched(evidence)
-    causes = _explaining(scores, causes)
+    causes, refined = _refined(evidence, scores, _explaining(scores, causes))
     chosen = tuple(cause.candidate for cause in causes)
-    refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
     findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
     return Judged(evidence, scores, chosen, refined, findings)
 
@@ -129,11 +128,34 @@ def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     result = []
     for cause in causes:
         channels = list(scores.design.candidates[cause.candidate].channels)
-        others = [k for k in chosen if scores.owner[k] != scores.owner[cause.candidate]]
-        explained = scores.excess(others) - scores.excess(chosen)
+        own = [k for k in chosen if scores.owner[k] == scores.owner[cause.candidate]]
+        explained = scores.explained(own, [k for k in chosen if k not in own])
         if np.any(explained[channels] > left[channels]):
             result.append(cause)
     return result
+
+
+def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
+    """The causes at their best shapes, without those that are then within their own errors of nothing: between two
+    lines of a spectrum, one that the grid did not hold looks like a third."""
+    kept = list(causes)
+    while True:
+        chosen = [cause.candidate for cause in kept]
+        refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+        beyond = [_beyond_nothing(refined, number) for number in range(len(kept))]
+        if min(beyond, default=np.inf) > _SIGNIFICANT:
+            return kept, refined
+        del chosen[int(np.argmin(beyond))]
+        kept = Search(scores).judged(chosen)
+
+
+def _beyond_nothing(refined: Refined, number: int) -> float:
+    """Standard errors by which all coefficients of a cause together differ from zero."""
+    value = refined.coefficients(number)
+    covariance = refined.covariance_of(number)[-len(value) :, -len(value) :]
+    error = np.sqrt(np.diag(covariance))
+    share = value / error
+    return float(np.sqrt(share @ np.linalg.pinv(covariance / np.outer(error, error)) @ share))
 
 
 def _finding(

@@ -120,6 +120,13 @@ def part_of(design: Design, blocks: Sequence[Block | Sheet], chosen: Sequence[in
     return part, [block.among(kept) for block in blocks]
 
 
+def of_each(blocks: Sequence[Block], folds: Sequence[int]) -> list[Block]:
+    """For each fold, ascending, the sum of its own blocks."""
+    return [
+        total([block for block, own in zip(blocks, folds, strict=True) if own == fold]) for fold in sorted(set(folds))
+    ]
+
+
 def without_each(whole: Block, blocks: Sequence[Block], folds: Sequence[int]) -> list[Block]:
     """For each fold, ascending, the sum ``whole`` of all blocks without the fold's own."""
     result = []

@@ -11,8 +11,8 @@ from estimator.diagnosis.chance import Chance, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
-from estimator.diagnosis.grams import Block, Sheet, part_of, total, without_each
-from estimator.diagnosis.left_out import gains_left_out
+from estimator.diagnosis.grams import Block, Sheet, of_each, part_of, total, without_each
+from estimator.diagnosis.left_out import gains_carried_over, gains_left_out
 from estimator.diagnosis.maps import Map
 
 Array = NDArray[np.float64]
@@ -21,6 +21,8 @@ _RIDGE = 1e-9
 """Of a column's energy: columns that tell the same share it."""
 _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
+_BORNE_OUT = 3.0
+"""Standard errors of a held-out gain beyond which nothing more is asked."""
 _SAME_ORDER = 0.5
 """Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
 
@@ -106,6 +108,17 @@ class Scores:
             self._supports[key] = explained - self.penalty(chosen)
         return self._supports[key]
 
+    def explained(self, causes: Sequence[int], others: Sequence[int]) -> Array:
+        """(channels,) of the noise's variance, what ``causes`` explain beside ``others``: in residual, and in what the
+        given model would have to leave its tolerance in their stead, told of the channels that they enter."""
+        both, weights = [*others, *causes], self.weights
+        less = (self.model(others).squares() - self.model(both).squares()) / self.total.rows
+        gain = self.support(both) + self.penalty(both) - self.support(others) - self.penalty(others)
+        bent = max(2.0 * gain / self.total.rows - float(weights @ less), 0.0)
+        channels = sorted({channel for k in causes for channel in self.design.candidates[k].channels})
+        less[channels] += bent / float(weights[channels].sum())
+        return np.asarray(less)
+
     def gains(self, chosen: Sequence[int]) -> Array:
         """(candidates,) log-likelihood that each candidate would add."""
         key = frozenset(chosen)
@@ -129,21 +142,23 @@ class Scores:
 
     def held_out(self, candidate: int, others: Sequence[int]) -> float:
         """Log-likelihood that a candidate adds to the prediction of each fold from all others, summed, in standard
-        errors over the folds."""
+        errors over the folds: with the given model as the others bend it, or afresh within its tolerance, whichever
+        tells more."""
         key = (candidate, frozenset(others))
         if key not in self._held_out:
-            design, parts = part_of(self.design, self._blocks, [*others, candidate])
+            design, blocks = part_of(self.design, self._blocks, [*others, candidate])
             # The sum of these very parts: what one fold alone shows is then left out to the last digit.
-            whole = total(parts)
+            whole = total(blocks)
             columns = design.candidates[-1].columns
             active = np.arange(design.size - len(columns))
-            first, *staying = (
-                Conditional(design, block, self.weights, active)
-                for block in (whole, *without_each(whole, parts, self._folds))
-            )
-            gains = gains_left_out(first, staying, columns)
-            error = float(gains.std(ddof=1) * np.sqrt(len(gains)))
-            self._held_out[key] = float(gains.sum()) / max(error, 1e-12)
+            staying = without_each(whole, blocks, self._folds)
+            first = Conditional(design, whole, self.weights, active)
+            known = [Conditional(design, block, self.weights, active) for block in staying]
+            worth = _in_errors(gains_left_out(first, known, columns))
+            if worth < _BORNE_OUT:
+                parts = list(zip(staying, of_each(blocks, self._folds), strict=True))
+                worth = max(worth, _in_errors(gains_carried_over(design, parts, self.weights, first, columns)))
+            self._held_out[key] = worth
         return self._held_out[key]
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:
@@ -198,3 +213,8 @@ class Scores:
         energy = np.diag(squares)[: len(first)]
         told = energy > 0.0
         return np.asarray(explained[told] / energy[told])
+
+
+def _in_errors(gains: Array) -> float:
+    """The sum of the folds' gains in its standard errors."""
+    return float(gains.sum()) / max(float(gains.std(ddof=1) * np.sqrt(len(gains))), 1e-12)

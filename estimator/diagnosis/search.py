@@ -77,7 +77,11 @@ class Search:
             self._fallen |= {int(self.scores.owner[k]) for k in set(before) - set(chosen)}
             chosen = self._grown(chosen)
         chosen = self._telling(self._standing(self._pruned(chosen)))
-        return sorted((self._judged(k, chosen) for k in chosen), key=lambda cause: -cause.gain)
+        return self.judged(chosen)
+
+    def judged(self, chosen: Sequence[int]) -> list[Cause]:
+        """These candidates with their evidence beside each other, the one with most first."""
+        return sorted((self._judged(k, list(chosen)) for k in chosen), key=lambda cause: -cause.gain)
 
     def _grown(self, chosen: list[int]) -> list[int]:
         """With one more cause after the other, as long as any is supported."""
@@ -157,11 +161,9 @@ class Search:
 
     def _matters(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
-        rows = self.scores.total.rows
-        before, after = (self.scores.model(k).squares() / rows for k in (chosen, [*chosen, candidate]))
-        left = np.maximum(before - 1.0, 0.0)
+        left = np.maximum(self.scores.model(chosen).squares() / self.scores.total.rows - 1.0, 0.0)
         channels = list(self.design.candidates[candidate].channels)
-        return bool(np.any((before - after)[channels] > _LEAST_SHARE * left[channels]))
+        return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
 
     def _simplified(self, chosen: list[int]) -> list[int]:
         """Replaces an effect by special cases of it when they are as well supported."""
@@ -314,8 +316,8 @@ class Search:
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
         result = []
         for k in chosen:
-            others = [c for c in chosen if self.scores.owner[c] != self.scores.owner[k]]
-            lost = self.scores.model(others).squares() / rows - after
+            own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[k]]
+            lost = self.scores.explained(own, [c for c in chosen if c not in own])
             trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
             channels = list(self.design.candidates[k].channels)
             if np.any(lost[channels] > np.maximum(trifle, LEAST_SEEN)[channels]):

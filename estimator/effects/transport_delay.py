@@ -1,4 +1,4 @@
-"""Transport delay: one channel of the recording is late."""
+"""Transport delay: one channel of the recording is late, or one joint's torque."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ DELAYS = (0.001, 0.005, 0.02)
 
 
 class TransportDelay(Effect):
-    """All joints of a channel are late alike. theta is the delay δ of the shape (x(t − δ) − x(t))/δ, the coefficient
-    the delay itself: to first order in it the two are independent. Late angles make the torques seem early."""
+    """All joints of a channel are late alike, or one drive's torque by itself. theta is the delay δ of the shape
+    (x(t − δ) − x(t))/δ, the coefficient the delay itself: to first order in it the two are independent. Late angles
+    make the torques seem early."""
 
     name = "transport_delay"
     units: ClassVar = {"delay": "s"}
@@ -36,13 +37,16 @@ class TransportDelay(Effect):
     experiment = "swing every joint at two frequencies, a fast and a slow one"
 
     def places(self, body: RigidBody) -> list[Place]:
-        return [Place(channel=channel) for channel in EQUATIONS]
+        own = [Place(joint, channel="torque") for joint in range(body.n)] if body.n > 1 else []
+        return [*(Place(channel=channel) for channel in EQUATIONS), *own]
 
     def equation_at(self, place: Place) -> Equation:
         assert place.channel is not None
         return EQUATIONS[place.channel]
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
+        if place.joint is not None:
+            return (place.joint,)
         return tuple(range(6 if place.channel == "wrench" else body.n))
 
     def grid(self, place: Place, scales: Scales) -> Array:
@@ -52,6 +56,8 @@ class TransportDelay(Effect):
         by = -float(theta[0]) if place.channel == "position" else float(theta[0])
         channel = {"velocity": signals.dq, "wrench": signals.load_wrench}.get(str(place.channel), signals.tau_rigid)
         assert channel is not None
+        if place.joint is not None:
+            channel = channel[:, [place.joint]]
         shifted = [np.interp(signals.t - by, signals.t, column) for column in channel.T]
         return ((np.array(shifted).T - channel) / abs(by))[:, :, None]
 
@@ -67,7 +73,8 @@ class TransportDelay(Effect):
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         assert place.channel is not None
-        plant.late[place.channel] = plant.late.get(place.channel, 0.0) + float(parameters["delay"])
+        joints = slice(None) if place.joint is None else place.joint
+        plant.late.setdefault(place.channel, np.zeros(plant.body.n))[joints] += float(parameters["delay"])
 
 
 EFFECT = TransportDelay()

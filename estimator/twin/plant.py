@@ -110,8 +110,8 @@ class PlantDraft:
     """From the measured torque to the true one, before `gain`."""
     angle: list[tuple[int, Curve]] = field(default_factory=list)
     """From the true angle to the measured one."""
-    late: dict[str, float] = field(default_factory=dict)
-    """Channel → s by which it is recorded late."""
+    late: dict[str, Array] = field(default_factory=dict)
+    """Channel → (n,) s by which each joint is recorded late."""
 
     def __post_init__(self) -> None:
         n = self.body.n

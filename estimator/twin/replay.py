@@ -248,7 +248,8 @@ def _at(new: Array, t: Array, channel: Array) -> Array:
 
 
 def _recorded_late(draft: PlantDraft, t: Array, recorded: tuple[Array, Array, Array]) -> list[Array]:
-    return [
-        _at(t - draft.late.get(name, 0.0), t, channel)
-        for name, channel in zip(("position", "velocity", "torque"), recorded, strict=True)
-    ]
+    result = []
+    for name, channel in zip(("position", "velocity", "torque"), recorded, strict=True):
+        late = draft.late.get(name, np.zeros(channel.shape[1]))
+        result.append(np.array([np.interp(t - by, t, own) for by, own in zip(late, channel.T, strict=True)]).T)
+    return result

@@ -78,7 +78,8 @@ def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:
         return f"joints {joints[place.joint]} and {joints[place.other]}" + (" have" if verb else "")
     if place.joint is not None:
         name = joints[place.joint]
-        return (name if name.startswith("joint") else f"joint {name}") + (" has" if verb else "")
+        whose = "" if place.channel is None else f"the {place.channel} channel of "
+        return whose + (name if name.startswith("joint") else f"joint {name}") + (" has" if verb else "")
     what = "the arm" if place.channel is None else f"the {place.channel} channel"
     return what + (" has" if verb else "")
 

@@ -110,6 +110,8 @@ def test_a_late_torque_is_that_of_the_time_before(
     by = 10.0 * signals.period
     late = torque("transport_delay", Place(channel="torque"), signals, delay=by)
     np.testing.assert_allclose((signals.tau_rigid + late)[10:], signals.tau_rigid[:-10], atol=1e-9)
+    own = torque("transport_delay", Place(1, channel="torque"), signals, delay=by)
+    np.testing.assert_array_equal(own, late * np.eye(late.shape[1])[1])
     early = torque("transport_delay", Place(channel="position"), signals, delay=by)
     np.testing.assert_allclose((signals.tau_rigid + early)[:-10], signals.tau_rigid[10:], atol=1e-9)
 

@@ -68,6 +68,7 @@ CASES = [
     Case("base_tilt", Place(), {"roll": 0.05, "pitch": -0.08}, 0.06),
     Case("contact", Place(), {"where": np.array([1.0, 1.9]), "force": np.array([5.0, -8.0, 4.0])}, 0.08),
     Case("transport_delay", Place(channel="torque"), {"delay": 0.01}),
+    Case("transport_delay", Place(1, channel="torque"), {"delay": 0.01}),
     Case("transport_delay", Place(channel="position"), {"delay": 0.01}),
     Case("encoder_offset", JOINT, {"offset": 0.05}, 0.08),
     Case("encoder_eccentricity", JOINT, {"amplitude": 0.04, "phase": 0.3}, 0.1),

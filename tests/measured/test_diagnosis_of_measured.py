@@ -51,7 +51,8 @@ def test_a_motor_s_cogging_is_named_order_by_order() -> None:
     found = odrive_diagnosed()
     orders = [number(finding, "order") for finding in findings_of(found, "cogging")]
     assert orders[0] == pytest.approx(7.0, abs=0.1)
-    assert sorted(np.round(orders)) == sorted(ORDERS)
+    assert set(ORDERS) <= set(np.round(orders)), "the published ones"
+    assert all(np.round(order) % 7 == 0 for order in orders if round(order) not in ORDERS), "harmonics of the strongest"
 
 
 def test_the_panda_rubs_and_its_speeds_come_late() -> None:
