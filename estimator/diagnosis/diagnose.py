@@ -241,6 +241,14 @@ def _unexplained(evidence: Evidence, scores: Scores, refined: Refined, chosen: l
             result[joint] = Unexplained(
                 share, _signature(scores, misfit.candidate) if told else "of no single quantity"
             )
+    refused = Search(scores).one_sided(chosen) if evidence.noise.playings else None
+    if refused is not None:
+        explained = scores.explained([refused], chosen)
+        channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
+        name = _of(scores, refused).effect.name.replace("_", " ")
+        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
+        left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
+        result.setdefault(evidence.grid.channels[channel].index, left)
     return result
 
 

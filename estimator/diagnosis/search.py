@@ -120,6 +120,21 @@ class Search:
             and self.scores.recurring(candidate, chosen) > RECURRING
         )
 
+    def one_sided(self, chosen: list[int]) -> int | None:
+        """The best supported candidate that all would admit but the rows left out: what it explains is there, and
+        shows in one part of the motions alone, so that its name is not borne out. None where there is none."""
+        for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
+            if (
+                supported > 0.0
+                and self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
+                and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
+                and self._matters(candidate, chosen)
+                and self._apart(candidate, chosen)
+                and self.scores.recurring(candidate, chosen) > RECURRING
+            ):
+                return candidate
+        return None
+
     def _apart(self, candidate: int, chosen: list[int]) -> bool:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
         if any(self.scores.alike(candidate, k, _TOLD_APART) or self._excluded(candidate, k) for k in chosen):
