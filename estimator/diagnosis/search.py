@@ -326,18 +326,25 @@ class Search:
         """Without causes that explain a trifle of what any model could, or of the noise, wherever they act: they mend
         the others' forms, or the noise's, and their names would mislead. A cause that explains all but the noise of
         what is left without it is none of these. All orders of a periodic law are judged as one."""
+        while chosen:
+            told = {k: self._told(k, chosen) for k in chosen}
+            least = min(told, key=lambda k: told[k])
+            if told[least] > 1.0:
+                break
+            # One after the other: of two that tell the same, each alone is a trifle beside the other.
+            chosen = [c for c in chosen if self.scores.owner[c] != self.scores.owner[least]]
+        return chosen
+
+    def _told(self, candidate: int, chosen: list[int]) -> float:
+        """What a cause explains, with all of its recurrences, in multiples of a trifle."""
         rows = self.scores.total.rows
         before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
-        result = []
-        for k in chosen:
-            own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[k]]
-            lost = self.scores.explained(own, [c for c in chosen if c not in own])
-            trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
-            channels = list(self.design.candidates[k].channels)
-            if np.any(lost[channels] > np.maximum(trifle, LEAST_SEEN)[channels]):
-                result.append(k)
-        return result
+        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
+        own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
+        lost = self.scores.explained(own, [c for c in chosen if c not in own])
+        channels = list(self.design.candidates[candidate].channels)
+        return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))
 
     def _judged(self, candidate: int, chosen: list[int]) -> Cause:
         others = [c for c in chosen if c != candidate]
