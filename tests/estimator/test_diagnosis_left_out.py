@@ -14,7 +14,7 @@ from estimator.base_parameters import base_parameters
 from estimator.diagnosis.conditional import Conditional
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, total, without_each
-from estimator.diagnosis.left_out import gains_left_out, log_evidence, unit_information
+from estimator.diagnosis.left_out import gains_carried_over, gains_left_out, log_evidence, unit_information
 from estimator.diagnosis.stretches import Channel
 
 Array = NDArray[np.float64]
@@ -103,3 +103,43 @@ def test_a_column_that_the_given_model_has_adds_nothing(design: Design, rows: Ar
         design.body, design.base, design.channels, (), design.candidates, 1e-14 * np.eye(design.given), design.reached
     )
     np.testing.assert_allclose(gains_left_out(*models(loose, twin), design.candidates[0].columns), 0.0, atol=1e-9)
+
+
+def test_what_bends_anew_in_every_fold_is_predicted_by_the_cause_alone(design: Design, rows: Array) -> None:
+    """Rows of which the given model's unknowns are others in each fold, and the cause's the same."""
+    whole, _ = models(design, rows)
+    columns = design.candidates[0].columns
+    covariance = unit_information(whole, columns)
+    covariance = covariance @ covariance.T
+    blocks = [Block(0, part.shape[1], [part @ part.T]) for part in np.split(rows, FOLDS, axis=1)]
+    parts = list(zip(without_each(total(blocks), blocks, range(FOLDS)), blocks, strict=True))
+    found = gains_carried_over(design, parts, np.ones(1), whole, columns)
+    told = rows[columns].T @ covariance @ rows[columns]
+    bent = np.eye(ROWS) + rows[: design.given].T @ np.linalg.solve(design.precision, rows[: design.given])
+    for fold, gain in enumerate(found):
+        out = np.isin(np.arange(ROWS), np.arange(ROWS // FOLDS) + fold * (ROWS // FOLDS))
+        apart = np.where(out[:, None] == out, bent, 0.0)
+        expected = (
+            _log_density(apart + told, rows[-1])
+            - _log_density((apart + told)[np.ix_(~out, ~out)], rows[-1, ~out])
+            - _log_density(apart[np.ix_(out, out)], rows[-1, out])
+        )
+        assert gain == pytest.approx(expected, abs=1e-5)
+
+
+def test_a_model_bent_once_and_for_all_predicts_as_well_as_the_cause(design: Design, rows: Array) -> None:
+    """The cause's column is one that the given model has, eight standard deviations beyond its tolerance."""
+    twin = rows.copy()
+    twin[design.candidates[0].columns] = rows[1], np.zeros(ROWS)
+    twin[-1] = 8.0 * rows[1] + np.random.default_rng(5).normal(size=ROWS)
+    whole, staying = models(design, twin)
+    columns = design.candidates[0].columns
+    blocks = [Block(0, part.shape[1], [part @ part.T]) for part in np.split(twin, FOLDS, axis=1)]
+    parts = list(zip(without_each(total(blocks), blocks, range(FOLDS)), blocks, strict=True))
+    carried = gains_carried_over(design, parts, np.ones(1), whole, columns)
+    assert np.all(carried > 5.0)
+    assert gains_left_out(whole, staying, columns).sum() < 0.2 * carried.sum()
+
+
+def _log_density(covariance: Array, x: Array) -> float:
+    return float(multivariate_normal(np.zeros(len(x)), covariance).logpdf(x))

@@ -76,6 +76,36 @@ def test_two_causes_at_once_are_both_named(six_axis: RigidBody, record: Recorder
     assert ("rotor_inertia", 4) in named
 
 
+def test_one_late_drive_is_named_at_its_joint(six_axis: RigidBody, record: Recorder) -> None:
+    """12 ms, which its timing would take if it were believed once it is bent so far beyond its tolerance."""
+
+    def late(q: Array, dq: Array, ddq: Array) -> Array:
+        tau = inverse_dynamics(six_axis, six_axis.prior(), q, dq, ddq)[:, 2]
+        return on(2, np.roll(tau, 3) - tau, q)
+
+    (found,) = diagnose(six_axis, record(late)).findings
+    assert (found.effect, found.place.joint, found.place.channel) == ("transport_delay", 2, "torque")
+    assert found.parameters["delay"].value == pytest.approx(0.012, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_part_of_a_law_that_is_not_there_does_not_hide_the_law(
+    six_axis: RigidBody, record: Recorder, seed: int
+) -> None:
+    """A shared transmission without dry friction: noise makes its level negative half the time."""
+
+    def shared(q: Array, dq: Array, ddq: Array) -> Array:
+        spent = 3.0 * (dq[:, 3] - dq[:, 4])
+        return on(3, spent, q) - on(4, spent, q)
+
+    found = diagnose(six_axis, record(shared, seed))
+    first = found.findings[0]
+    assert (first.effect, first.place.joint, first.place.other) == ("transmission_coupling", 3, 4)
+    assert first.parameters["coefficient"].value == pytest.approx(3.0, rel=0.1)
+    assert first.parameters["ratio"].value == pytest.approx(-1.0, abs=0.1)
+    assert first.parameters["level"].value >= 0.0
+
+
 def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: RigidBody, record: Recorder) -> None:
     found = diagnose(six_axis, record(playings=1))
     assert found.verdict == "clean"

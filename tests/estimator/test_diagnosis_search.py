@@ -64,3 +64,33 @@ def test_friction_of_both_joints_is_found_with_motions_left_out(scores: Scores) 
         hypothesis = scores.hypothesis(cause.candidate)
         found.add(hypothesis.place.joint)
     assert found == {0, 1}
+
+
+def test_what_one_part_alone_shows_is_not_named_and_not_passed_over(
+    scores: Scores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Scores, "held_out", lambda *_: 0.5)
+    search = Search(scores)
+    assert search.run() == []
+    found = search.one_sided([])
+    assert found is not None
+    assert "friction" in scores.hypothesis(found).effect.name
+    monkeypatch.setattr(Scores, "recurring", lambda *_: 0.5)
+    assert search.one_sided([]) is None
+
+
+def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:
+    """Presliding beside friction of either sign: each is a trifle beside the other, both together are not."""
+    best = {
+        name: max(
+            (
+                k
+                for k in range(len(scores.owner))
+                if (h := scores.hypothesis(k)).effect.name == name and h.place.joint == 0
+            ),
+            key=lambda k: scores.gains([])[k],
+        )
+        for name in ("presliding", "asymmetric_friction")
+    }
+    kept = Search(scores)._telling(list(best.values()))
+    assert len(kept) == 1

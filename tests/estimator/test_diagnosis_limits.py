@@ -1,0 +1,72 @@
+"""A model fitted within the limits of its causes, against non-negative least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from estimator import RigidBody
+from estimator.base_parameters import base_parameters
+from estimator.diagnosis.conditional import within_limits
+from estimator.diagnosis.design import Candidate, Design
+from estimator.diagnosis.diagnose import _beyond_nothing
+from estimator.diagnosis.grams import Block
+from estimator.diagnosis.stretches import Channel
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def design(make_chain: Callable[..., RigidBody]) -> Design:
+    """One joint's torque, and two laws of two coefficients each that are not negative; the given model is certain."""
+    body = make_chain("r")
+    base = base_parameters(body)
+    given = base.rank + 1
+    zero, free = np.zeros(2), np.full(2, np.inf)
+    laws = tuple(Candidate(k, np.zeros(0), given + 2 * k + np.arange(2), (0,), zero, free) for k in range(2))
+    reached = (np.arange(base.rank),)
+    return Design(body, base, (Channel("torque", 0),), (), laws, 1e12 * np.eye(given), reached)
+
+
+def rows_of(design: Design, truth: Array) -> tuple[Array, Array, Block]:
+    random = np.random.default_rng(7)
+    columns = random.normal(size=(design.size, 200))
+    residual = truth @ columns[design.given :] + random.normal(size=200)
+    whole = np.vstack([columns, residual])
+    return columns[design.given :], residual, Block(0, 200, [whole @ whole.T])
+
+
+def test_parts_of_the_wrong_sign_are_not_there(design: Design) -> None:
+    columns, residual, block = rows_of(design, np.array([2.0, -1.0, 0.5, 3.0]))
+    model = within_limits(design, block, np.ones(1), design.candidates)
+    value = np.zeros(design.size)
+    value[model.active] = model.value
+    np.testing.assert_allclose(value[design.given :], nnls(columns.T, residual)[0], atol=1e-5)
+    assert value[design.given + 1] == 0.0
+
+
+def test_a_law_of_the_wrong_sign_keeps_what_it_is_refused_for(design: Design) -> None:
+    _, _, block = rows_of(design, np.array([-2.0, -1.0, 0.5, 3.0]))
+    model = within_limits(design, block, np.ones(1), design.candidates, least=1)
+    kept = model.active[design.given :] - design.given
+    assert list(kept) == [1, 2, 3], "the one farther beyond goes first"
+    assert model.value[design.given] < -0.5
+    assert len(within_limits(design, block, np.ones(1), design.candidates).active) == design.given + 2
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(0.0, 5.0), (-0.96, np.sqrt(48.04 / 0.0784))])
+def test_a_cause_differs_from_nothing_by_all_its_coefficients(correlation: float, expected: float) -> None:
+    """Whatever their units; the first row is a theta's."""
+    error = np.array([1.0, 1e-3, 1e3])
+    shape = np.eye(3)
+    shape[1, 2] = shape[2, 1] = correlation
+    refined: Any = SimpleNamespace(
+        coefficients=lambda _: np.array([3e-3, 4e3]), covariance_of=lambda _: shape * np.outer(error, error)
+    )
+    assert _beyond_nothing(refined, 0) == pytest.approx(expected)
