@@ -21,8 +21,10 @@ _RIDGE = 1e-9
 """Of a column's energy: columns that tell the same share it."""
 _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
-_BORNE_OUT = 3.0
-"""Standard errors of a held-out gain beyond which nothing more is asked."""
+BORNE_OUT = 1.64
+"""Standard errors by which a held-out gain must be above zero; beyond, nothing more is asked."""
+_ROUGHLY = 0.5
+"""Of the evidence that a tolerance gives, what stays when it is wider by the square root of two."""
 _SAME_ORDER = 0.5
 """Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
 
@@ -59,7 +61,7 @@ class Scores:
         """At other weights nothing that was worked out holds any longer."""
         self._supports: dict[frozenset[int], float] = {}
         self._gains: dict[frozenset[int], Array] = {}
-        self._held_out: dict[tuple[int, frozenset[int]], float] = {}
+        self._held_out: dict[tuple[int, frozenset[int]], tuple[float, float]] = {}
         self._recurring: dict[tuple[int, frozenset[int]], float] = {}
         self._explained: dict[tuple[int, int], Array] = {}
 
@@ -144,6 +146,15 @@ class Scores:
         """Log-likelihood that a candidate adds to the prediction of each fold from all others, summed, in standard
         errors over the folds: with the given model as the others bend it, or afresh within its tolerance, whichever
         tells more."""
+        return max(self._predicting(candidate, others))
+
+    def surely(self, candidate: int, others: Sequence[int]) -> float:
+        """Of the log-likelihood that a candidate adds, the share that is sure: half, where the given model bent by the
+        rows that stay predicts as well. What tells against it then is its tolerance, which is known roughly."""
+        bent, afresh = self._predicting(candidate, others)
+        return _ROUGHLY if bent < min(afresh, BORNE_OUT) else 1.0
+
+    def _predicting(self, candidate: int, others: Sequence[int]) -> tuple[float, float]:
         key = (candidate, frozenset(others))
         if key not in self._held_out:
             design, blocks = part_of(self.design, self._blocks, [*others, candidate])
@@ -154,11 +165,11 @@ class Scores:
             staying = without_each(whole, blocks, self._folds)
             first = Conditional(design, whole, self.weights, active)
             known = [Conditional(design, block, self.weights, active) for block in staying]
-            worth = _in_errors(gains_left_out(first, known, columns))
-            if worth < _BORNE_OUT:
+            bent = afresh = _in_errors(gains_left_out(first, known, columns))
+            if bent < BORNE_OUT:
                 parts = list(zip(staying, of_each(blocks, self._folds), strict=True))
-                worth = max(worth, _in_errors(gains_carried_over(design, parts, self.weights, first, columns)))
-            self._held_out[key] = worth
+                afresh = _in_errors(gains_carried_over(design, parts, self.weights, first, columns))
+            self._held_out[key] = bent, afresh
         return self._held_out[key]
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from estimator.diagnosis.design import Candidate
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.scores import BORNE_OUT, Scores
 
 FALSE_ALARM = 0.002
 """Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
@@ -21,8 +21,6 @@ _REST = 10.0
 LEAST_SEEN = 0.01
 """Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
-_HELD_OUT = 1.64
-"""Standard errors by which the held-out gain must be above zero."""
 RECURRING = 0.75
 """Of what a cause explains, the share that must be there with the angles of another playing."""
 _TOLD_APART = 0.01
@@ -113,12 +111,16 @@ class Search:
         out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
         gain = float(self.scores.gains(chosen)[candidate])
         return (
-            self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
+            self._no_chance(candidate, gain)
             and self._matters(candidate, chosen)
             and self._apart(candidate, chosen)
-            and self.scores.held_out(candidate, chosen) > _HELD_OUT
+            and self.scores.held_out(candidate, chosen) > BORNE_OUT
+            and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
             and self.scores.recurring(candidate, chosen) > RECURRING
         )
+
+    def _no_chance(self, candidate: int, gain: float) -> bool:
+        return bool(self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM)
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and
@@ -126,10 +128,11 @@ class Search:
         for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
             if (
                 supported > 0.0
-                and self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM
+                and self._no_chance(candidate, gain)
                 and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
                 and self._matters(candidate, chosen)
                 and self._apart(candidate, chosen)
+                and self.scores.held_out(candidate, chosen) <= BORNE_OUT
                 and self.scores.recurring(candidate, chosen) > RECURRING
             ):
                 return candidate
@@ -313,7 +316,7 @@ class Search:
     def _standing(self, chosen: list[int]) -> list[int]:
         """Without causes that, given all others, do not improve what is predicted of rows left out, or do not recur
         with the motion, the worst first."""
-        for judge, least in ((self.scores.held_out, _HELD_OUT), (self.scores.recurring, RECURRING)):
+        for judge, least in ((self.scores.held_out, BORNE_OUT), (self.scores.recurring, RECURRING)):
             while chosen:
                 worth = {k: judge(k, [c for c in chosen if c != k]) for k in chosen}
                 worst = min(worth, key=lambda k: worth[k])

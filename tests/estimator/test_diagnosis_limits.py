@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -58,6 +59,15 @@ def test_a_law_of_the_wrong_sign_keeps_what_it_is_refused_for(design: Design) ->
     assert list(kept) == [1, 2, 3], "the one farther beyond goes first"
     assert model.value[design.given] < -0.5
     assert len(within_limits(design, block, np.ones(1), design.candidates).active) == design.given + 2
+
+
+def test_a_payload_without_mass_is_no_payload(design: Design) -> None:
+    """Of a law with free coefficients beside a limited one, none goes where a law must stay whole."""
+    _, _, block = rows_of(design, np.array([-2.0, 4.0, 0.5, 3.0]))
+    lower = np.array([0.0, -np.inf])
+    laws = [replace(design.candidates[0], lower=lower), design.candidates[1]]
+    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size
+    assert len(within_limits(design, block, np.ones(1), laws).active) == design.size - 1
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 5.0), (-0.96, np.sqrt(48.04 / 0.0784))])
