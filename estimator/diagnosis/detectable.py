@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.admission import FALSE_ALARM, LEAST_SEEN
 from estimator.diagnosis.design import Candidate, Hypothesis
 from estimator.diagnosis.quantities import unit_of
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN
 
 Array = NDArray[np.float64]
 

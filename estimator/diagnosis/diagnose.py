@@ -31,6 +31,7 @@ from estimator.diagnosis.torques import (
     torque_channels,
 )
 from estimator.diagnosis.traces import Traces, traces
+from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE, unexplained_by
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -40,10 +41,6 @@ AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
 _SHOWN = 5
 """Alternatives that an answer lists."""
-_SIGNIFICANT = 3.5
-"""Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
-_VISIBLE = 0.35
-"""Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 _WORTH_TELLING = 0.12
 """Of the explainable: a smaller share that is left does not make the verdict unknown."""
 
@@ -64,7 +61,7 @@ def diagnose(
     evidence, scores, refined, findings = judged.evidence, judged.scores, judged.refined, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
-    unexplained = _unexplained(evidence, scores, refined, chosen)
+    unexplained = unexplained_by(evidence, scores, refined, chosen)
     sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,
@@ -120,7 +117,7 @@ def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
-    left[left < _VISIBLE] = 0.0
+    left[left < VISIBLE] = 0.0
     channel_of = {scores.design.channels[k].index: k for k in torque_channels(scores.design)}
     for joint, misfit in misfits(scores, chosen).items():
         if misfit.told:
@@ -143,7 +140,7 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         chosen = [cause.candidate for cause in kept]
         refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
         beyond = [_beyond_nothing(refined, number) for number in range(len(kept))]
-        if min(beyond, default=np.inf) > _SIGNIFICANT:
+        if min(beyond, default=np.inf) > SIGNIFICANT:
             return kept, refined
         del chosen[int(np.argmin(beyond))]
         kept = Search(scores).judged(chosen)
@@ -162,13 +159,15 @@ def _finding(
     evidence: Evidence, scores: Scores, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]
 ) -> Finding:
     design = scores.design
-    hypothesis = design.hypotheses[design.candidates[cause.candidate].hypothesis]
-    rivals = tuple(Alternative((h := _of(scores, a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives)
+    hypothesis = scores.hypothesis(cause.candidate)
+    rivals = tuple(
+        Alternative((h := scores.hypothesis(a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives
+    )
     near = rivals[:_SHOWN]
     within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
     ambiguous = bool(within)
     fitted = refined.design.candidates[number]
-    others = [c.candidate for c in causes if c is not cause]
+    beside = [c.candidate for c in causes if c is not cause]
     return Finding(
         effect=hypothesis.effect.name,
         place=hypothesis.place,
@@ -183,7 +182,7 @@ def _finding(
         rivals=rivals,
         next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
-        contest=_contest(evidence, scores, cause, others, len(within)) if ambiguous else None,
+        contest=_contest(evidence, scores, cause, beside, len(within)) if ambiguous else None,
     )
 
 
@@ -211,51 +210,8 @@ def _contest(evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[
     return contest(scores, evidence, others, [int(scores.owner[k]) for k in within])
 
 
-def _of(scores: Scores, candidate: int) -> Hypothesis:
-    return scores.design.hypotheses[scores.design.candidates[candidate].hypothesis]
-
-
 def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
     return hypothesis.effect.experiment_at(hypothesis.place, body)
-
-
-def _unexplained(evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
-    """Torques whose residual is beyond the noise: as a whole, or as a function of one quantity."""
-    rows = scores.total.rows
-    before = scores.model([]).squares() / rows
-    after = refined.model.squares() / rows
-    freedom = evidence.noise.degrees_of_freedom or np.inf
-    error = np.sqrt(2.0 / rows + 2.0 / freedom)
-    found = misfits(scores, chosen)
-    result = {}
-    for channel in torque_channels(evidence.design):
-        joint = evidence.grid.channels[channel].index
-        misfit = found[joint]
-        # An assumed noise has an assumed colour: within it no pattern is more than that.
-        told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
-        # A noise that is less than it was taken for is at most what such a pattern leaves.
-        noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
-        left = after[channel] - noise
-        if told or left > max(_SIGNIFICANT * error, _VISIBLE):
-            share = float(min(left / max(before[channel] - noise, left, error), 1.0))
-            result[joint] = Unexplained(
-                share, _signature(scores, misfit.candidate) if told else "of no single quantity"
-            )
-    refused = Search(scores).one_sided(chosen) if evidence.noise.playings else None
-    if refused is not None:
-        explained = scores.explained([refused], chosen)
-        channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
-        name = _of(scores, refused).effect.name.replace("_", " ")
-        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
-        left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
-        result.setdefault(evidence.grid.channels[channel].index, left)
-    return result
-
-
-def _signature(scores: Scores, candidate: int) -> str:
-    hypothesis = _of(scores, candidate)
-    whose = "" if hypothesis.place.other is None else f" of {scores.design.body.joints[hypothesis.place.other]}"
-    return hypothesis.effect.name.replace("map of", "a function of") + whose
 
 
 def verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
@@ -298,7 +254,7 @@ def _held_out(
         after = left_out_power(design, scores.weights, whitened, plain, evidence.folds)
     variance = evidence.noise.likely[chosen] ** 2
     freedom = evidence.noise.degrees_of_freedom or np.inf
-    least = _SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))
+    least = SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))
     return HeldOut(
         before=float(np.sqrt(np.mean(before[chosen]))),
         after=float(np.sqrt(np.mean(after[chosen]))),

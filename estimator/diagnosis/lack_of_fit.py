@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
+from estimator.diagnosis.admission import FALSE_ALARM, LEAST_SEEN, RECURRING
 from estimator.diagnosis.maps import smoothest_first
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import FALSE_ALARM, LEAST_SEEN, RECURRING
 
 Array = NDArray[np.float64]
 

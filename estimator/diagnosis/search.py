@@ -6,25 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-import numpy as np
-
+from estimator.diagnosis.admission import RECURRING, Admission
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.scores import BORNE_OUT, Scores
 
-FALSE_ALARM = 0.002
-"""Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
-is worked out from a noise that is itself estimated, and a diagnosis takes several steps."""
-_LEAST_SHARE = 0.04
-"""Of the explainable that is left in its channels, what a cause must explain."""
-_REST = 10.0
-"""Times what is left beyond the noise, and at least the noise, that a cause explains which completes the model."""
-LEAST_SEEN = 0.01
-"""Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
-However long the recordings, the noise itself and the angles that columns are made of are known no better."""
-RECURRING = 0.75
-"""Of what a cause explains, the share that must be there with the angles of another playing."""
-_TOLD_APART = 0.01
-"""Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
@@ -59,6 +44,7 @@ class Search:
     def __init__(self, scores: Scores) -> None:
         self.scores = scores
         self.design = scores.design
+        self.admission = Admission(scores)
         self._fallen: set[int] = set()
         """Hypotheses that were taken and did not improve what is predicted of rows left out."""
 
@@ -102,86 +88,9 @@ class Search:
         for candidate, _, supported in ranked[:_TRIED]:
             if supported <= 0.0:
                 return
-            if self._admitted(candidate, chosen):
+            if self.admission.admitted(candidate, chosen):
                 grown = [*chosen, candidate]
                 yield self._pruned(self._merged(self._simplified(grown), self._joint(candidate)))
-
-    def _admitted(self, candidate: int, chosen: list[int]) -> bool:
-        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, borne out by rows left
-        out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
-        gain = float(self.scores.gains(chosen)[candidate])
-        return (
-            self._no_chance(candidate, gain)
-            and self._matters(candidate, chosen)
-            and self._apart(candidate, chosen)
-            and self.scores.held_out(candidate, chosen) > BORNE_OUT
-            and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
-            and self.scores.recurring(candidate, chosen) > RECURRING
-        )
-
-    def _no_chance(self, candidate: int, gain: float) -> bool:
-        return bool(self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM)
-
-    def one_sided(self, chosen: list[int]) -> int | None:
-        """The best supported candidate that all would admit but the rows left out: what it explains is there, and
-        shows in one part of the motions alone, so that its name is not borne out. None where there is none."""
-        for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
-            if (
-                supported > 0.0
-                and self._no_chance(candidate, gain)
-                and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
-                and self._matters(candidate, chosen)
-                and self._apart(candidate, chosen)
-                and self.scores.held_out(candidate, chosen) <= BORNE_OUT
-                and self.scores.recurring(candidate, chosen) > RECURRING
-            ):
-                return candidate
-        return None
-
-    def _apart(self, candidate: int, chosen: list[int]) -> bool:
-        """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
-        if any(self.scores.alike(candidate, k, _TOLD_APART) or self._excluded(candidate, k) for k in chosen):
-            return False
-        return not self._beyond_limits([*chosen, candidate], slack=2.0)
-
-    def _excluded(self, candidate: int, chosen: int) -> bool:
-        """Whether what was chosen leaves no room for a candidate."""
-        return self._contained(candidate, chosen) or self._elsewhere(candidate, chosen)
-
-    def _elsewhere(self, candidate: int, chosen: int) -> bool:
-        """Whether it is what was chosen in another channel of the same equation, which shows the difference of the two
-        alone: how late one is against the other."""
-        own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
-        return (
-            own.effect.name == other.effect.name
-            and own.place != other.place
-            and (own.place.joint, own.place.other) == (other.place.joint, other.place.other)
-            and own.effect.equation_at(own.place) == other.effect.equation_at(other.place)
-        )
-
-    def _contained(self, candidate: int, chosen: int) -> bool:
-        """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
-        own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
-        return own.place == other.place and own.effect.name in other.effect.contains
-
-    def _beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
-        """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""
-        model = self.scores.model(chosen)
-        value, error = np.zeros(self.design.size), np.zeros(self.design.size)
-        value[model.active], error[model.active] = model.value, slack * np.sqrt(np.diag(model.covariance))
-        result = []
-        for k in chosen:
-            own = self.design.candidates[k]
-            low, high = value[own.columns] - own.lower, own.upper - value[own.columns]
-            if np.any(np.minimum(low, high) < -error[own.columns]):
-                result.append(k)
-        return result
-
-    def _matters(self, candidate: int, chosen: list[int]) -> bool:
-        """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
-        left = np.maximum(self.scores.model(chosen).squares() / self.scores.total.rows - 1.0, 0.0)
-        channels = list(self.design.candidates[candidate].channels)
-        return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
 
     def _simplified(self, chosen: list[int]) -> list[int]:
         """Replaces an effect by special cases of it when they are as well supported."""
@@ -249,7 +158,7 @@ class Search:
             trial = [c for c in chosen if c != k]
             for joint in (place.joint, place.other):
                 own = [row[0] for row in self.scores.ranked(trial) if self._alone_at(row[0], joint)][:_TRIED]
-                admitted = next((c for c in own if self._admitted(c, trial)), None)
+                admitted = next((c for c in own if self.admission.admitted(c, trial)), None)
                 trial = trial if admitted is None else [*trial, admitted]
             if self.scores.support(trial) > self.scores.support(chosen):
                 chosen = trial
@@ -264,7 +173,7 @@ class Search:
 
     def _pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous or impossible, the least supported first."""
-        while wrong := self._beyond_limits(chosen, slack=1.0):
+        while wrong := self.admission.beyond_limits(chosen, slack=1.0):
             chosen = [c for c in chosen if c != wrong[0]]
         while len(chosen) > 1:
             whole = self.scores.support(chosen)
@@ -284,7 +193,7 @@ class Search:
                     continue
                 others = [c for c in chosen if c != k]
                 rivals = [r.candidate for r in self._rivals(k, chosen)[:3] if r.gap < 0.0]
-                rivals = [r for r in rivals if self._admitted(r, others)]
+                rivals = [r for r in rivals if self.admission.admitted(r, others)]
                 best = max(rivals, key=lambda c: self.scores.support([*others, c]), default=k)
                 if self.scores.support([*others, best]) > self.scores.support(chosen):
                     chosen = self._simplified([*others, best])
@@ -308,7 +217,7 @@ class Search:
             if scores.owner[k] == own:
                 continue
             shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
-            nested = self._contained(candidate, k) or self._contained(k, candidate)
+            nested = self.admission.contained(candidate, k) or self.admission.contained(k, candidate)
             gap = mine[2] - supported if nested else mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
             result.append(Alternative(k, gap))
         return sorted(result, key=lambda rival: rival.gap)
@@ -330,24 +239,13 @@ class Search:
         the others' forms, or the noise's, and their names would mislead. A cause that explains all but the noise of
         what is left without it is none of these. All orders of a periodic law are judged as one."""
         while chosen:
-            told = {k: self._told(k, chosen) for k in chosen}
+            told = {k: self.admission.told(k, chosen) for k in chosen}
             least = min(told, key=lambda k: told[k])
             if told[least] > 1.0:
                 break
             # One after the other: of two that tell the same, each alone is a trifle beside the other.
             chosen = [c for c in chosen if self.scores.owner[c] != self.scores.owner[least]]
         return chosen
-
-    def _told(self, candidate: int, chosen: list[int]) -> float:
-        """What a cause explains, with all of its recurrences, in multiples of a trifle."""
-        rows = self.scores.total.rows
-        before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
-        explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
-        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
-        own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
-        lost = self.scores.explained(own, [c for c in chosen if c not in own])
-        channels = list(self.design.candidates[candidate].channels)
-        return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))
 
     def _judged(self, candidate: int, chosen: list[int]) -> Cause:
         others = [c for c in chosen if c != candidate]

@@ -72,11 +72,11 @@ def test_what_one_part_alone_shows_is_not_named_and_not_passed_over(
     monkeypatch.setattr(Scores, "held_out", lambda *_: 0.5)
     search = Search(scores)
     assert search.run() == []
-    found = search.one_sided([])
+    found = search.admission.one_sided([])
     assert found is not None
     assert "friction" in scores.hypothesis(found).effect.name
     monkeypatch.setattr(Scores, "recurring", lambda *_: 0.5)
-    assert search.one_sided([]) is None
+    assert search.admission.one_sided([]) is None
 
 
 def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:

@@ -1,0 +1,120 @@
+"""What a cause must be to be believed: beyond chance, no trifle, told apart, within limits, borne out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimator.diagnosis.scores import BORNE_OUT, Scores
+
+FALSE_ALARM = 0.002
+"""Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
+is worked out from a noise that is itself estimated, and a diagnosis takes several steps."""
+_LEAST_SHARE = 0.04
+"""Of the explainable that is left in its channels, what a cause must explain."""
+_REST = 10.0
+"""Times what is left beyond the noise, and at least the noise, that a cause explains which completes the model."""
+LEAST_SEEN = 0.01
+"""Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
+However long the recordings, the noise itself and the angles that columns are made of are known no better."""
+RECURRING = 0.75
+"""Of what a cause explains, the share that must be there with the angles of another playing."""
+_TOLD_APART = 0.01
+"""Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
+_TRIED = 4
+"""Hypotheses that are asked, the best supported first."""
+
+
+class Admission:
+    """Judges candidates beside those already chosen, by their scores at the present weights."""
+
+    def __init__(self, scores: Scores) -> None:
+        self.scores = scores
+        self.design = scores.design
+
+    def admitted(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, borne out by rows left
+        out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
+        gain = float(self.scores.gains(chosen)[candidate])
+        return (
+            self._no_chance(candidate, gain)
+            and self._matters(candidate, chosen)
+            and self._apart(candidate, chosen)
+            and self.scores.held_out(candidate, chosen) > BORNE_OUT
+            and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
+            and self.scores.recurring(candidate, chosen) > RECURRING
+        )
+
+    def _no_chance(self, candidate: int, gain: float) -> bool:
+        return bool(self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM)
+
+    def one_sided(self, chosen: list[int]) -> int | None:
+        """The best supported candidate that all would admit but the rows left out: what it explains is there, and
+        shows in one part of the motions alone, so that its name is not borne out. None where there is none."""
+        for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
+            if (
+                supported > 0.0
+                and self._no_chance(candidate, gain)
+                and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
+                and self._matters(candidate, chosen)
+                and self._apart(candidate, chosen)
+                and self.scores.held_out(candidate, chosen) <= BORNE_OUT
+                and self.scores.recurring(candidate, chosen) > RECURRING
+            ):
+                return candidate
+        return None
+
+    def _apart(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
+        if any(self.scores.alike(candidate, k, _TOLD_APART) or self._excluded(candidate, k) for k in chosen):
+            return False
+        return not self.beyond_limits([*chosen, candidate], slack=2.0)
+
+    def _excluded(self, candidate: int, chosen: int) -> bool:
+        """Whether what was chosen leaves no room for a candidate."""
+        return self.contained(candidate, chosen) or self._elsewhere(candidate, chosen)
+
+    def _elsewhere(self, candidate: int, chosen: int) -> bool:
+        """Whether it is what was chosen in another channel of the same equation, which shows the difference of the two
+        alone: how late one is against the other."""
+        own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
+        return (
+            own.effect.name == other.effect.name
+            and own.place != other.place
+            and (own.place.joint, own.place.other) == (other.place.joint, other.place.other)
+            and own.effect.equation_at(own.place) == other.effect.equation_at(other.place)
+        )
+
+    def contained(self, candidate: int, chosen: int) -> bool:
+        """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
+        own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
+        return own.place == other.place and own.effect.name in other.effect.contains
+
+    def beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
+        """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""
+        model = self.scores.model(chosen)
+        value, error = np.zeros(self.design.size), np.zeros(self.design.size)
+        value[model.active], error[model.active] = model.value, slack * np.sqrt(np.diag(model.covariance))
+        result = []
+        for k in chosen:
+            own = self.design.candidates[k]
+            low, high = value[own.columns] - own.lower, own.upper - value[own.columns]
+            if np.any(np.minimum(low, high) < -error[own.columns]):
+                result.append(k)
+        return result
+
+    def _matters(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a candidate explains more than a trifle of what is left to explain in one of its channels."""
+        left = np.maximum(self.scores.model(chosen).squares() / self.scores.total.rows - 1.0, 0.0)
+        channels = list(self.design.candidates[candidate].channels)
+        return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
+
+    def told(self, candidate: int, chosen: list[int]) -> float:
+        """What a cause explains, with all of its recurrences, in multiples of a trifle."""
+        rows = self.scores.total.rows
+        before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
+        explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
+        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
+        own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
+        lost = self.scores.explained(own, [c for c in chosen if c not in own])
+        channels = list(self.design.candidates[candidate].channels)
+        return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))

@@ -1,0 +1,58 @@
+"""What no cause explains: torques whose residual is beyond the noise, joint by joint, with its signature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.answer import Unexplained
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.lack_of_fit import misfits
+from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.torques import torque_channels
+
+SIGNIFICANT = 3.5
+"""Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
+VISIBLE = 0.35
+"""Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
+
+
+def unexplained_by(evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
+    """By joint, the torques whose residual is beyond the noise: as a whole, as a function of one quantity, or as by a
+    law that one part of the motions alone shows."""
+    rows = scores.total.rows
+    before = scores.model([]).squares() / rows
+    after = refined.model.squares() / rows
+    freedom = evidence.noise.degrees_of_freedom or np.inf
+    error = np.sqrt(2.0 / rows + 2.0 / freedom)
+    found = misfits(scores, chosen)
+    result = {}
+    for channel in torque_channels(evidence.design):
+        joint = evidence.grid.channels[channel].index
+        misfit = found[joint]
+        # An assumed noise has an assumed colour: within it no pattern is more than that.
+        told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
+        # A noise that is less than it was taken for is at most what such a pattern leaves.
+        noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
+        left = after[channel] - noise
+        if told or left > max(SIGNIFICANT * error, VISIBLE):
+            share = float(min(left / max(before[channel] - noise, left, error), 1.0))
+            result[joint] = Unexplained(
+                share, _signature(scores, misfit.candidate) if told else "of no single quantity"
+            )
+    refused = Admission(scores).one_sided(chosen) if evidence.noise.playings else None
+    if refused is not None:
+        explained = scores.explained([refused], chosen)
+        channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
+        name = scores.hypothesis(refused).effect.name.replace("_", " ")
+        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
+        left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
+        result.setdefault(evidence.grid.channels[channel].index, left)
+    return result
+
+
+def _signature(scores: Scores, candidate: int) -> str:
+    hypothesis = scores.hypothesis(candidate)
+    whose = "" if hypothesis.place.other is None else f" of {scores.design.body.joints[hypothesis.place.other]}"
+    return hypothesis.effect.name.replace("map of", "a function of") + whose
