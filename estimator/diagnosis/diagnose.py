@@ -133,21 +133,21 @@ def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
-    """The causes at their best shapes, without those that are then within their own errors of nothing: between two
-    lines of a spectrum, one that the grid did not hold looks like a third."""
+    """The causes at their best shapes, without recurrences of a law that are then within their own errors of nothing:
+    between two lines of a spectrum, one that the grid did not hold looks like a third."""
     kept = list(causes)
     while True:
         chosen = [cause.candidate for cause in kept]
         refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
-        beyond = [_beyond_nothing(refined, number) for number in range(len(kept))]
-        if min(beyond, default=np.inf) > SIGNIFICANT:
+        beyond = {k: _beyond_nothing(refined, number) for number, k in enumerate(chosen) if scores.recurs(k)}
+        least = min(beyond, key=lambda k: beyond[k], default=None)
+        if least is None or beyond[least] > SIGNIFICANT:
             return kept, refined
-        del chosen[int(np.argmin(beyond))]
-        kept = Search(scores).judged(chosen)
+        kept = Search(scores).judged([k for k in chosen if k != least])
 
 
 def _beyond_nothing(refined: Refined, number: int) -> float:
-    """Standard errors by which all coefficients of a cause together differ from zero."""
+    """Standard errors by which all coefficients of a cause together differ from zero, its shape being free."""
     value = refined.coefficients(number)
     covariance = refined.covariance_of(number)[-len(value) :, -len(value) :]
     error = np.sqrt(np.diag(covariance))

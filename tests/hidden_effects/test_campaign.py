@@ -67,3 +67,25 @@ def test_what_a_servo_answers_to_its_encoders_is_no_cause() -> None:
     """Coarse encoders, whose errors the servo's torque answers: a lag of the angles explains most of that noise."""
     result = judged(Plan(5, 707, "puma600", scatter=0.02, seconds=12.0), in_process)
     assert not result.wrong, result.sentence
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Plan(3, 1212, "seven", ("joint_elasticity",), 1.0, 0.02, SECONDS),
+        Plan(2, 31, "seven", ("transport_delay",), 1.0, 0.02, SECONDS),
+        Plan(11, 1111, "puma600", ("torque_nonlinearity",), 2.0, 0.02, SECONDS),
+    ],
+    ids=lambda plan: str(plan.kinds[0]),
+)
+def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
+    """A spring whose size its shape tells as well, lateness that a bent timing imitates, a law with an absent part."""
+    result = judged(plan, in_process)
+    assert result.right, result.sentence
+
+
+@pytest.mark.timeout(600)
+def test_a_dress_pack_with_memory_is_not_taken_for_a_spring() -> None:
+    result = judged(Plan(8, 1111, "puma600", ("hysteretic_spring",), 1.5, 0.02, SECONDS), in_process)
+    assert result.outside_flagged, result.sentence
