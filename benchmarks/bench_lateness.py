@@ -50,6 +50,16 @@ def bare_loop_p99_us() -> float:
     return sorted(late)[int(0.99 * len(late))] / 1000
 
 
+def worst_stall_ms() -> float:
+    """The longest that the machine holds up a program which only reads the clock: beyond what any loop on it can do."""
+    worst, last = 0, time.monotonic_ns()
+    end = last + SECONDS * 1_000_000_000
+    while last < end:
+        now = time.monotonic_ns()
+        worst, last = max(worst, now - last), now
+    return worst / 1e6
+
+
 def measure() -> list[Figure]:
     with running("dda", lockstep=False) as (installation, loop, _):
         before = loop.status().lateness_us
@@ -60,4 +70,8 @@ def measure() -> list[Figure]:
         reference, value = "cyclictest p99", cyclictest_p99_us(max(1, installation.cycle.priority))
     else:
         reference, value = "bare sleep loop p99 (for cyclictest: apt-get install rt-tests)", bare_loop_p99_us()
-    return [Figure("lateness_p99", p99, "µs", reference, value)]
+    patience_ms = installation.cycle.missed_deadlines_to_stop * installation.cycle.period_ns / 1e6
+    return [
+        Figure("lateness_p99", p99, "µs", reference, value),
+        Figure("core_stall", worst_stall_ms(), "ms", "gap that stops the arm at 1 kHz", patience_ms),
+    ]
