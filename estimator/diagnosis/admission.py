@@ -36,13 +36,14 @@ class Admission:
         out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
         gain = float(self.scores.gains(chosen)[candidate])
         return (
-            self._no_chance(candidate, gain)
-            and self._matters(candidate, chosen)
-            and self._apart(candidate, chosen)
+            self._sound(candidate, gain, chosen)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
             and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
             and self.scores.recurring(candidate, chosen) > RECURRING
         )
+
+    def _sound(self, candidate: int, gain: float, chosen: list[int]) -> bool:
+        return self._no_chance(candidate, gain) and self._matters(candidate, chosen) and self._apart(candidate, chosen)
 
     def _no_chance(self, candidate: int, gain: float) -> bool:
         return bool(self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM)
@@ -53,10 +54,8 @@ class Admission:
         for candidate, gain, supported in self.scores.ranked(chosen)[:_TRIED]:
             if (
                 supported > 0.0
-                and self._no_chance(candidate, gain)
+                and self._sound(candidate, gain, chosen)
                 and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
-                and self._matters(candidate, chosen)
-                and self._apart(candidate, chosen)
                 and self.scores.held_out(candidate, chosen) <= BORNE_OUT
                 and self.scores.recurring(candidate, chosen) > RECURRING
             ):
