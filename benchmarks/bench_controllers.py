@@ -11,6 +11,14 @@ from typing import Any
 
 from benchmarks.bench_practice import ARM, up
 from benchmarks.figure import Figure
+from config import load_installation
+from estimator import RigidBody
+from estimator.arm_model import diagnosed_model
+from estimator.diagnosis.answer import Diagnosis
+from estimator.diagnosis.diagnose import diagnose
+from service.identification.read import ReadRecordings, read_recordings
+from service.models.model_file import model_file, write_model
+from service.practice.inverse_models import load_inverse_model
 
 MOTION, JOINT, SLOW_HZ = "dda-controllers", "joint3", 133.0
 TOLERANCE = 0.02
@@ -23,7 +31,7 @@ def measure() -> list[Figure]:
         links = daemon.call("identify_links")
         before = daemon.call("compare_controllers", {"motion": MOTION, "model": links["model"]})
         played = Path(before["plot"]).parent.glob("*.mcap")
-        model = _diagnosed(links["model"], [*map(Path, links["recordings"]), *sorted(played)])
+        model = _extended(links["model"], [*map(Path, links["recordings"]), *sorted(played)])
         after = daemon.call("compare_controllers", {"motion": MOTION, "model": str(model)})
     figures = []
     for family, name, rate in COMPARED:
@@ -38,18 +46,16 @@ def measure() -> list[Figure]:
     return figures
 
 
-def _diagnosed(links: str, recordings: list[Path]) -> Path:
-    """The links with what the recordings show that they lack; a model file beside theirs."""
-    from config import load_installation
-    from estimator.arm_model import diagnosed_model
-    from estimator.diagnosis.diagnose import diagnose
-    from service.identification.read import read_recordings
-    from service.models.model_file import model_file, write_model
-    from service.practice.inverse_models import load_inverse_model
-
+def diagnosed(links: str, recordings: list[Path]) -> tuple[RigidBody, Diagnosis, ReadRecordings]:
+    """The identified links, what the recordings show that they lack, and the recordings."""
     body = load_inverse_model(links, load_installation(ARM)).model.body
     read = read_recordings(tuple(recordings), (), ARM, {}, "/joint_states", lambda stage, share: None)
-    found = diagnose(body, read.trajectories, (), TOLERANCE)
+    return body, diagnose(body, read.trajectories, (), TOLERANCE), read
+
+
+def _extended(links: str, recordings: list[Path]) -> Path:
+    """The links with what the recordings show that they lack; a model file beside theirs."""
+    body, found, read = diagnosed(links, recordings)
     places = ["the arm" if one.place.joint is None else body.joints[one.place.joint] for one in found.findings]
     told = ", ".join(f"{one.effect} of {place}" for one, place in zip(found.findings, places, strict=True))
     print(f"named beside the identified links: {told}")

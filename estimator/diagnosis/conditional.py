@@ -171,13 +171,13 @@ def within_limits(
 ) -> Conditional:
     """The given model with ``candidates``, fitted without coefficients that would be negative and cannot be, or
     positive: those are zero. The one farthest beyond, in its standard errors, goes first, as long as its candidate
-    keeps ``least`` coefficients. Where some must be kept, only parts of laws go that are nothing but such parts: a
-    payload without mass is no payload.
+    keeps ``least`` coefficients. Where some must be kept, only what is `Candidate.separable` goes.
     """
     owner = np.repeat(np.arange(len(candidates)), [len(c.columns) for c in candidates])
     columns = np.concatenate([np.zeros(0, dtype=np.intp), *(c.columns for c in candidates)])
     signs = [np.where(c.lower == 0.0, 1.0, np.where(c.upper == 0.0, -1.0, 0.0)) for c in candidates]
-    sign = np.concatenate([np.zeros(0), *(own * (least == 0 or np.all(own != 0.0)) for own in signs)])
+    may_go = [c.separable if least else np.ones(len(c.columns)) for c in candidates]
+    sign = np.concatenate([np.zeros(0), *(own * free for own, free in zip(signs, may_go, strict=True))])
     kept = np.ones(len(columns), dtype=bool)
     while True:
         model = Conditional(design, block, weights, np.concatenate([np.arange(design.given), columns[kept]]))

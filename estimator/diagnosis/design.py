@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,16 @@ class Candidate:
     lower: Array
     upper: Array
     """Limits of its coefficients."""
+    named_for: tuple[int, ...] = ()
+    """Which of its coefficients it cannot be without (`Law.named_for`)."""
+
+    @cached_property
+    def separable(self) -> NDArray[np.bool_]:
+        """(c,) which coefficients may be absent from a law that stays the same: parts of a law that is nothing but such
+        parts, and not what it is named for. A payload without mass is no payload."""
+        result = np.full(len(self.columns), bool(np.all((self.lower == 0.0) | (self.upper == 0.0))))
+        result[list(self.named_for)] = False
+        return result
 
 
 @dataclass(frozen=True)
@@ -95,7 +105,7 @@ class Design:
         place, renumbered = self.given, []
         for c in candidates:
             columns = np.arange(place, place + len(c.columns))
-            renumbered.append(Candidate(c.hypothesis, c.theta, columns, c.channels, c.lower, c.upper))
+            renumbered.append(replace(c, columns=columns))
             place += len(columns)
         return Design(
             self.body, self.base, self.channels, self.hypotheses, tuple(renumbered), self.precision, self.reached
@@ -133,7 +143,8 @@ def make_design(
         lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
         for theta in grid:
             columns = np.arange(count)
-            candidates.append(Candidate(number, theta, columns, tuple(where[c] for c in enters), lower, upper))
+            channels_in = tuple(where[c] for c in enters)
+            candidates.append(Candidate(number, theta, columns, channels_in, lower, upper, effect.named_for))
     return empty.with_candidates(candidates)
 
 

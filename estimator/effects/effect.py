@@ -71,6 +71,8 @@ class Law(ABC):
     fitted effect keeps them beside its parameters as its shape."""
     choices: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are one of the grid's values and nothing between."""
+    named_for: ClassVar[tuple[int, ...]] = ()
+    """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 

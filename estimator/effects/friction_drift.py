@@ -30,6 +30,7 @@ class FrictionDrift(JointEffect):
     in_drive = True
     units: ClassVar = {"initial": "N·m", "final": "N·m", "time_constant": "s"}
     hidden = (1,)
+    named_for = (0, 1)
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
     seen_against = "t"

@@ -29,6 +29,7 @@ class StribeckFriction(JointEffect):
     units: ClassVar = {"level": "N·m", "breakaway": "N·m", "velocity": "rad/s", "coefficient": "N·m·s/rad"}
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")
+    named_for = (1,)
     seen_against = "dq"
     experiment = "move {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
 

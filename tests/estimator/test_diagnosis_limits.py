@@ -70,6 +70,15 @@ def test_a_payload_without_mass_is_no_payload(design: Design) -> None:
     assert len(within_limits(design, block, np.ones(1), laws).active) == design.size - 1
 
 
+def test_what_a_law_is_named_for_stays(design: Design) -> None:
+    """A friction that drifts to less than nothing is refused: without its end it is no drift."""
+    _, _, block = rows_of(design, np.array([2.0, -1.0, 0.5, 3.0]))
+    laws = [replace(design.candidates[0], named_for=(0, 1)), design.candidates[1]]
+    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size
+    laws[0] = replace(laws[0], named_for=(0,))
+    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size - 1
+
+
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 5.0), (-0.96, np.sqrt(48.04 / 0.0784))])
 def test_a_cause_differs_from_nothing_by_all_its_coefficients(correlation: float, expected: float) -> None:
     """Whatever their units; the first row is a theta's."""

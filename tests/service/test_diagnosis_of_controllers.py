@@ -1,0 +1,41 @@
+"""What the identified links lack, by the recordings that Appendix A's comparison makes of the arm at hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.bench_controllers import JOINT, MOTION, diagnosed
+from estimator.diagnosis.answer import Diagnosis
+from service import outcomes
+
+
+@pytest.fixture(scope="module")
+def found(running_house: Any, tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """The recordings of an identification and of the comparison that followed, against the links identified."""
+    links = running_house.answer("identify", "links")
+    target = tmp_path_factory.mktemp("compared") / "answer.json"
+    client = running_house.popen("compare-controllers", MOTION, "--model", links["model"], "--json", str(target))
+    _, told = client.communicate(timeout=580)
+    assert client.returncode == outcomes.DONE, told
+    played = sorted(Path(json.loads(target.read_text())["plot"]).parent.glob("*.mcap"))
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in running_house.environment.items():
+            patch.setenv(name, value)
+        return diagnosed(links["model"], [*map(Path, links["recordings"]), *played])[1]
+
+
+def test_the_stand_ins_stribeck_friction_has_its_name(found: Diagnosis) -> None:
+    """A friction that would drift to less than nothing explains as much, and is no friction that drifts."""
+    joint = found.joints.index(JOINT)
+    named = {finding.effect for finding in found.findings if finding.place.joint == joint}
+    assert "stribeck_friction" in named
+    assert "friction_drift" not in named
+
+
+def test_what_the_joint_lacks_is_explained(found: Diagnosis) -> None:
+    residual = found.torque_residual[found.joints.index(JOINT)]
+    assert residual.after < 0.2 * residual.before
