@@ -16,7 +16,6 @@ from scipy.stats import gamma
 
 from estimator.diagnosis.bounded import bounded_fits
 from estimator.diagnosis.conditional import Conditional, Group
-from estimator.diagnosis.design import Design
 
 Array = NDArray[np.float64]
 
@@ -45,10 +44,13 @@ class Chance:
         return float(-np.expm1(-self.tests * alone))
 
 
-def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
-    """By `DRAWS` draws of noise and of the base parameters, everything else being as the given model has it."""
-    design, random = model.design, np.random.default_rng(seed)
-    score = _null_scores(model, random)
+def resample(model: Conditional, groups: list[Group], noise: Array | None = None, seed: int = 0) -> Chance:
+    """By `DRAWS` draws of noise and of the base parameters, everything else being as the given model has it.
+
+    ``noise``: `drawn_noise` of the same design, block and weights, where that is at hand.
+    """
+    design = model.design
+    score = _null_scores(model, drawn_noise(model, seed) if noise is None else noise, seed)
     count = len(design.hypotheses)
     gains = np.zeros((count, DRAWS))
     for group in groups:
@@ -70,16 +72,9 @@ def resample(model: Conditional, groups: list[Group], seed: int = 0) -> Chance:
     return Chance(law.shape, law.scale, float(1.0 / np.mean(np.exp(-largest))))
 
 
-def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
-    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns.
-
-    A deviation d of the given model, of precision P, leaves A⁻¹P·d of itself where A is the active unknowns' normal
-    matrix; P·d is drawn, which is small where the given model is free.
-    """
-    design: Design = model.design
-    given = design.given
-    pull = np.zeros((len(model.active), DRAWS))
-    pull[:given] = np.linalg.cholesky(design.precision) @ random.standard_normal((given, DRAWS))
+def drawn_noise(model: Conditional, seed: int = 0) -> Array:
+    """(size, DRAWS) products of all columns with white noise, whatever the model's tolerance."""
+    design, random = model.design, np.random.default_rng(seed)
     products = np.zeros((design.size, DRAWS))
     for channel, gram in enumerate(model.block.grams):
         members, weight = design.members[channel], model.weights[channel]
@@ -89,4 +84,16 @@ def _null_scores(model: Conditional, random: np.random.Generator) -> Array:
         normal = inner / np.outer(norms, norms) + _RIDGE * np.eye(len(norms))
         root = norms[:, None] * np.linalg.cholesky(normal)
         products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
-    return np.asarray(products - model.cross.T @ model.solve(products[model.active] - pull))
+    return products
+
+
+def _null_scores(model: Conditional, noise: Array, seed: int) -> Array:
+    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns.
+
+    A deviation d of the given model, of precision P, leaves A⁻¹P·d of itself where A is the active unknowns' normal
+    matrix; P·d is drawn, which is small where the given model is free.
+    """
+    given, random = model.design.given, np.random.default_rng([seed, 1])
+    pull = np.zeros((len(model.active), DRAWS))
+    pull[:given] = np.linalg.cholesky(model.design.precision) @ random.standard_normal((given, DRAWS))
+    return np.asarray(noise - model.cross.T @ model.solve(noise[model.active] - pull))

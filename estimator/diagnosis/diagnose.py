@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.accuracy import searched
 from estimator.diagnosis.answer import Alternative, Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
 from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
-from estimator.diagnosis.exchange import exchange
 from estimator.diagnosis.first_body import has_bodies
 from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.lack_of_fit import misfits
@@ -22,7 +22,7 @@ from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.search import AMBIGUOUS, Cause, Search
 from estimator.diagnosis.torques import (
     left_out_power,
     plain_blocks,
@@ -37,8 +37,6 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-AMBIGUOUS = 3.0
-"""nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
 _SHOWN = 5
 """Alternatives that an answer lists."""
 _WORTH_TELLING = 0.12
@@ -61,7 +59,7 @@ def diagnose(
     evidence, scores, refined, findings = judged.evidence, judged.scores, judged.refined, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
-    unexplained = unexplained_by(evidence, scores, refined, chosen)
+    unexplained = unexplained_by(evidence, judged.widest, refined, chosen)
     sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,
@@ -72,7 +70,7 @@ def diagnose(
         held_out=_held_out(evidence, scores, refined, body, hold_out),
         smallest_detectable=sizes,
         detectable_units=units,
-        notes=tuple(_notes(evidence, given)),
+        notes=tuple(_notes(evidence, given, tolerance, judged.borne_out)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
         base_deviation=_deviation(evidence, refined, given),
@@ -86,6 +84,10 @@ class Judged:
     evidence: Evidence
     """Under the noise that they were judged by."""
     scores: Scores
+    widest: Scores
+    """As wide as the given model's tolerance, where the links are known better (`accuracy`)."""
+    borne_out: float | None
+    """The tolerance that the recordings bear out, where it is tighter than the given one."""
     chosen: tuple[int, ...]
     """Candidates of the evidence's design."""
     refined: Refined
@@ -95,31 +97,28 @@ class Judged:
 
 def judge(evidence: Evidence) -> Judged:
     """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave."""
-    scores, causes = _searched(evidence)
+    found = searched(evidence)
     if not evidence.noise.playings:
-        evidence = by_what_is_left(evidence, scores, [cause.candidate for cause in causes])
-        scores, causes = _searched(evidence)
-    causes, refined = _refined(evidence, scores, _explaining(scores, causes))
+        found = searched(by_what_is_left(evidence, found.scores, found.chosen))
+    evidence, scores = found.evidence, found.scores
+    causes, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.causes))
     chosen = tuple(cause.candidate for cause in causes)
+    if found.widest is not scores:
+        found.widest.reweigh(chosen)
     findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
-    return Judged(evidence, scores, chosen, refined, findings)
+    return Judged(evidence, scores, found.widest, found.borne_out, chosen, refined, findings)
 
 
-def _searched(evidence: Evidence) -> tuple[Scores, list[Cause]]:
-    noise = evidence.noise
-    mixed = exchange(evidence.pieces, evidence.repeats, evidence.grid, noise) if noise.playings else None
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds, noise.news, mixed)
-    return scores, Search(scores).run()
-
-
-def _explaining(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
+def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
     left[left < VISIBLE] = 0.0
     channel_of = {scores.design.channels[k].index: k for k in torque_channels(scores.design)}
-    for joint, misfit in misfits(scores, chosen).items():
+    if widest is not scores:
+        widest.reweigh(chosen)
+    for joint, misfit in misfits(widest, chosen).items():
         if misfit.told:
             left[channel_of[joint]] = max(left[channel_of[joint]], misfit.variance)
     result = []
@@ -275,8 +274,13 @@ def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
     return np.asarray(first + refined.value[: base.rank])
 
 
-def _notes(evidence: Evidence, given: RigidBody) -> list[str]:
+def _notes(evidence: Evidence, given: RigidBody, tolerance: float, borne_out: float | None) -> list[str]:
     notes = []
+    if borne_out is not None:
+        notes.append(
+            f"the links fit these recordings to {borne_out:.2g}, where the tolerance is {tolerance:.2g}: "
+            "causes are judged by links that are as exact as that"
+        )
     if not has_bodies(given):
         notes.append(
             "the model has no masses: its links are those that fit these recordings, and no cause is sought there"

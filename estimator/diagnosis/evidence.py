@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
-from estimator.diagnosis.first_body import first_body
+from estimator.diagnosis.first_body import first_body, has_bodies
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -49,6 +49,8 @@ class Evidence:
     """With which fold each block is left out."""
     parts: int
     """Blocks of each recording, at least."""
+    tolerance: float | None = None
+    """Of the links' parameters, as the design has it; None where the model has no links that are known."""
 
 
 def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:
@@ -76,7 +78,8 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
     unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
-    return weighed(design, grid, pieces, unseen, trajectories, repeats)
+    found = weighed(design, grid, pieces, unseen, trajectories, repeats)
+    return replace(found, tolerance=tolerance) if has_bodies(given) else found
 
 
 def weighed(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.chance import Chance, resample
+from estimator.diagnosis.chance import Chance, drawn_noise, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
@@ -55,7 +57,17 @@ class Scores:
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
-        self.chance: Chance = resample(self.model([]), self.groups)
+        self._noise = drawn_noise(self.model([]))
+        self.chance: Chance = resample(self.model([]), self.groups, self._noise)
+
+    def known_to(self, precision: Array) -> Scores:
+        """The same of a design that differs in its precision alone."""
+        other = copy(self)
+        other.design = replace(self.design, precision=precision)
+        other.weights = self._news.copy()
+        other._forget()
+        other.chance = resample(other.model([]), self.groups, self._noise)
+        return other
 
     def _forget(self) -> None:
         """At other weights nothing that was worked out holds any longer."""
@@ -94,7 +106,10 @@ class Scores:
             return len(own.columns)
         neutral = self.design.hypotheses[own.hypothesis]
         told = neutral.effect.parameters(neutral.place, own.theta, np.ones(len(own.columns)))
-        return min(len(own.columns) + len(own.theta), sum(np.size(value) for value in told.values()))
+        enter = np.zeros(len(own.columns), dtype=bool)
+        for channel in own.channels:
+            enter |= np.diag(self.total.grams[channel])[self.design.position[channel][own.columns]] > 0.0
+        return min(int(enter.sum()) + len(own.theta), sum(np.size(value) for value in told.values()))
 
     def penalty(self, chosen: Sequence[int]) -> float:
         """Nats that a model's freedom costs (Bayesian information criterion)."""

@@ -6,10 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from scipy.stats import chi2
+
 from estimator.diagnosis.admission import RECURRING, Admission
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.scores import BORNE_OUT, Scores
 
+AMBIGUOUS = 3.0
+"""nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
+_ONE_IN = 0.05
+"""Probability that chance alone lets a wider law explain so much more than the one that it contains."""
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
@@ -204,7 +210,8 @@ class Search:
     def _rivals(self, candidate: int, chosen: list[int]) -> list[Alternative]:
         """What could stand in a cause's stead, nearest first. What a rival explains beside the cause as well, it does
         not explain in its stead. A freedom costs a nat here, what chance makes of it: that a law is simpler is no
-        evidence that it is true, but between a law and one that contains it."""
+        evidence that it is true, but between a law and one that contains it. The wider one is as good where chance
+        would not explain so much more."""
         own, scores = self.scores.owner[candidate], self.scores
         others = [c for c in chosen if c != candidate]
         beside = {int(scores.owner[k]): max(gain, 0.0) for k, gain, _ in scores.ranked(chosen)}
@@ -217,8 +224,14 @@ class Search:
             if scores.owner[k] == own:
                 continue
             shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
-            nested = self.admission.contained(candidate, k) or self.admission.contained(k, candidate)
-            gap = mine[2] - supported if nested else mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+            wider = self.admission.contained(candidate, k)
+            if wider or self.admission.contained(k, candidate):
+                gap = mine[2] - supported
+            else:
+                gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+            if wider:
+                by_chance = 0.5 * float(chi2.isf(_ONE_IN, scores.size(k) - scores.size(mine[0])))
+                gap = min(gap, AMBIGUOUS + by_chance - (gain - mine[1]))
             result.append(Alternative(k, gap))
         return sorted(result, key=lambda rival: rival.gap)
 

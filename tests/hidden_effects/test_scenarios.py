@@ -67,13 +67,15 @@ def test_motions_keep_the_arms_limits_and_meet_at_home(arm: str) -> None:
     assert all(playlist.order.count(name) == 2 for name in playlist.motions)
 
 
-def test_a_clean_arm_is_explained_by_its_bodies_far_below_the_noise() -> None:
-    arm = true_arm("dda")
-    playlist = draw_playlist(arm.installation, np.random.default_rng(4), 12.0)
-    clean = mechanics(arm, [], [])
-    runs = play(finely_counted(arm.installation), clean, replace(playlist, order=("a",)), seed=0)
-    noise = noise_rms([sensor.noise for sensor in arm.noise.torque_sensor], seed=0)
-    assert np.all(unexplained(runs, arm.installation, clean) < 0.3 * noise)
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_clean_arm_is_explained_by_its_bodies_far_below_the_noise(arm: str) -> None:
+    """By fast sweeps too, whose torques reach beyond the band that sizes are told in."""
+    true = true_arm(arm)
+    playlist = draw_playlist(true.installation, np.random.default_rng([3333, 6, 1]), 24.0)
+    clean = mechanics(true, [], [])
+    runs = play(finely_counted(true.installation), clean, replace(playlist, order=("a", "b", "c")), seed=0)
+    noise = noise_rms([sensor.noise for sensor in true.noise.torque_sensor], seed=0)
+    assert np.all(unexplained(runs, true.installation, clean) < 0.1 * noise)
 
 
 def test_the_effect_has_the_wanted_size(staged: Staged) -> None:

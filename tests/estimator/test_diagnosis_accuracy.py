@@ -1,0 +1,75 @@
+"""Links that recordings bear out better than their tolerance, and what is seen then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.answer import Diagnosis
+from estimator.diagnosis.diagnose import diagnose
+
+Array = NDArray[np.float64]
+Diagnoser = Callable[..., Diagnosis]
+
+NOISE = np.array([0.9, 1.2, 0.7, 0.3, 0.15, 0.1])
+"""N·m, white."""
+LOAD = 0.04
+"""kg at the flange's centre."""
+
+
+@pytest.fixture(scope="module")
+def diagnosed(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Diagnoser:
+    """Two playings of three motions of an arm whose links' masses and inertias are off by a scatter."""
+
+    def make(scatter: float, seed: int, payload: float = 0.0) -> Diagnosis:
+        random = np.random.default_rng(seed)
+        true = six_axis.prior() * (1.0 + scatter * np.repeat(random.normal(size=six_axis.n), 10))
+        true[-10] += payload
+        recordings = []
+        for motion in range(3):
+            t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 250.0, 10 * seed + motion)
+            tau = inverse_dynamics(six_axis, true, q, dq, ddq)
+            for _ in range(2):
+                measured = q + 1e-6 * random.normal(size=q.shape)
+                recordings.append(Trajectory(t, measured, tau + NOISE * random.normal(size=q.shape)))
+        return diagnose(six_axis, recordings)
+
+    return make
+
+
+def borne_out(found: Diagnosis) -> bool:
+    return any("the links fit these recordings" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_links_show_what_their_tolerance_would_take(diagnosed: Diagnoser, seed: int) -> None:
+    """A load of a few hundredths of the last link, which could be that link's own error."""
+    found = diagnosed(0.0, seed, payload=LOAD)
+    (first,) = found.findings
+    assert first.effect in ("payload", "link_inertia")
+    mass = first.parameters["mass"]
+    assert abs(float(mass.value) - LOAD) < 4.0 * float(mass.standard_error)
+    assert borne_out(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_links_that_are_off_within_their_tolerance_hide_it(diagnosed: Diagnoser, seed: int) -> None:
+    """They could be what is off, and it is not said that they are not."""
+    assert diagnosed(0.04, seed, payload=LOAD).verdict == "clean"
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.002, 0.01, 0.05])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_scatter_of_the_links_is_a_cause(diagnosed: Diagnoser, scatter: float, seed: int) -> None:
+    found = diagnosed(scatter, seed)
+    assert found.verdict == "clean", found.findings
+    assert borne_out(found) or scatter > 0.01
+
+
+def test_exact_links_leave_less_unseen(diagnosed: Diagnoser) -> None:
+    exact, scattered = (diagnosed(scatter, 0).smallest_detectable["torque_constant_error"] for scatter in (0.0, 0.05))
+    assert all(exact[joint] < 0.8 * scattered[joint] for joint in range(6))
