@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
-from estimator.consistency import prior_precision
 from estimator.diagnosis.admission import FALSE_ALARM
 from estimator.diagnosis.conditional import products, within_limits
 from estimator.diagnosis.design import Design
@@ -30,16 +28,10 @@ TIGHTER = (0.3, 0.1, 0.03, 0.01, 0.003)
 """Of the tolerance, to which links may be known that the recordings bear out."""
 _MARGIN = -float(np.log(FALSE_ALARM))
 """nats by which a tighter tolerance with other causes must be better supported."""
-_MARGIN_OF_A_LINK = 3.0 * _MARGIN
-"""The same where such a cause is a link: where one link happens to be off by most of its tolerance, it looks as if the
-others were exact."""
 _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
-"""Of the tolerance: where all other links are as exact as this, one may be off."""
-_INERTIAL = ("link_inertia", "payload")
-_OFF = 3.0
-"""Tolerances by which a link that is off is taken to be off."""
+"""Of the tolerance: where the links are as exact as this, a load that they could be is one."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +55,9 @@ class Searched:
     def hypotheses(self) -> set[int]:
         return {int(self.scores.owner[k]) for k in self.chosen}
 
-    def of(self, *effects: str) -> set[int]:
-        """Those of some effects."""
-        return {k for k in self.hypotheses if self.scores.design.hypotheses[k].effect.name in effects}
+    @property
+    def effects(self) -> set[str]:
+        return {self.scores.design.hypotheses[k].effect.name for k in self.hypotheses}
 
 
 def searched(evidence: Evidence) -> Searched:
@@ -77,13 +69,14 @@ def searched(evidence: Evidence) -> Searched:
     if evidence.tolerance is None:
         return best
     weights = first.scores.weights.copy()
-    most = _support(best, weights, evidence.tolerance)
+    most = _support(best, weights)
     for share in TIGHTER:
         tighter = share * evidence.tolerance
         known = scores.known_to(_precision(evidence.design, tighter))
         tried = Searched(replace(evidence, design=known.design), known, Search(known).run(), scores, tighter)
-        support = _support(tried, weights, evidence.tolerance)
-        if _believable(tried, first, share) and support > most + _margin(tried, best):
+        support = _support(tried, weights)
+        margin = 0.0 if tried.hypotheses <= best.hypotheses else _MARGIN
+        if _believable(tried, first, share) and support > most + margin:
             best, most = tried, support
         elif support < most - _HOPELESS:
             break
@@ -91,15 +84,10 @@ def searched(evidence: Evidence) -> Searched:
 
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:
-    """Not where links or loads are causes that the given tolerance leaves no room for, but one on an exact arm: else
-    two links may be anything, and the rest is exact."""
-    new = tried.of(*_INERTIAL) - first.of(*_INERTIAL)
-    return not new or (share <= _EXACT and len(tried.of(*_INERTIAL)) == 1)
-
-
-def _margin(tried: Searched, best: Searched) -> float:
-    new = tried.hypotheses - best.hypotheses
-    return _MARGIN_OF_A_LINK if new & tried.of("link_inertia") else _MARGIN if new else 0.0
+    """Whether no link is a cause now that the given tolerance leaves no room for, nor a load: a link that is off within
+    its tolerance is what the tolerance says, even if all others are better."""
+    new = tried.effects - first.effects
+    return "link_inertia" not in new and (share <= _EXACT or "payload" not in new)
 
 
 def _precision(design: Design, tolerance: float) -> Array:
@@ -109,7 +97,7 @@ def _precision(design: Design, tolerance: float) -> Array:
     return precision
 
 
-def _support(found: Searched, weights: Array, tolerance: float) -> float:
+def _support(found: Searched, weights: Array) -> float:
     """nats of evidence for an answer and its tolerance at these weights, up to a constant."""
     scores, design = found.scores, found.scores.design
     model = within_limits(design, scores.total, weights, [design.candidates[k] for k in found.chosen], least=1)
@@ -117,21 +105,4 @@ def _support(found: Searched, weights: Array, tolerance: float) -> float:
     told = products(design, scores.total, weights, given, given)
     narrowed = np.linalg.slogdet(design.precision + told)[1] - np.linalg.slogdet(design.precision)[1]
     explained = 0.5 * float(model.right[model.active] @ model.value)
-    links = [k for k in found.chosen if scores.hypothesis(k).effect.name == "link_inertia"]
-    others = [k for k in found.chosen if k not in links]
-    freedom = scores.penalty(others) + max(scores.penalty(links), _of_links(found, links, others, weights, tolerance))
-    return explained - 0.5 * float(narrowed) - freedom
-
-
-def _of_links(found: Searched, links: list[int], others: list[int], weights: Array, tolerance: float) -> float:
-    """nats that it costs to let these links go: no less than to let all give within their tolerance, where all that is
-    told of them is known as well. Neighbours share what is told, and one that is let go takes it all."""
-    if not links:
-        return 0.0
-    scores, body = found.scores, found.scores.design.body
-    candidates = [scores.design.candidates[k] for k in others]
-    model = within_limits(scores.design, scores.total, weights, candidates, least=1)
-    told, _, _ = model.left_of(np.concatenate([scores.design.candidates[k].columns for k in links]))
-    span = [10 * (scores.hypothesis(k).place.joint or 0) for k in links]
-    own = [np.linalg.inv(prior_precision(body.prior()[k : k + 10], _OFF * tolerance)) for k in span]
-    return 0.5 * float(np.linalg.slogdet(np.eye(len(told)) + block_diag(*own) @ told)[1])
+    return explained - 0.5 * float(narrowed) - scores.penalty(found.chosen)

@@ -19,6 +19,8 @@ _UNTOLD = 1e3
 _STIFFEST = 1e-9
 """Share of the widest combination's variance (of normalised parameters) that every other has at least."""
 
+_UPPER = np.triu_indices(3)
+"""xx xy xz yy yz zz"""
 _TIMING = {"torque": 0.25, "velocity": 0.4}
 """Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly (a
 speed counted between two samples belongs between them) …"""
@@ -45,7 +47,8 @@ def timing_precision(channels: Sequence[Channel], rate: float) -> Array:
 
 def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> Array:
     """(rank, rank) inverse covariance of the base parameters' deviations, every link's inertial parameters being right
-    to a relative ``tolerance`` (standard deviation; see `estimator.consistency.prior_precision`).
+    to a relative ``tolerance`` (standard deviation): as a body (`estimator.consistency.prior_precision`), and as the
+    numbers that a URDF has of it (`_by_numbers`).
 
     A link without mass is not modelled at all: its parameters are free.
     """
@@ -54,6 +57,7 @@ def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> A
         span = slice(10 * link, 10 * link + 10)
         if parameters[0] > 0.0:
             covariance[span, span] = np.linalg.inv(prior_precision(parameters, tolerance))
+            covariance[span, span] += tolerance**2 * _by_numbers(parameters)
         else:
             covariance[span, span] = _UNTOLD**2 * np.eye(10)
     spread = base.combination @ covariance @ base.combination.T
@@ -62,3 +66,26 @@ def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> A
     values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
     kept = np.maximum(values, _STIFFEST * values[-1])
     return np.asarray((vectors / kept) @ vectors.T / np.outer(scale, scale))
+
+
+def _by_numbers(parameters: Array) -> Array:
+    """(10, 10) covariance of a link's parameters whose centre is off by a distance in each direction, relative to its
+    own from the joint, and whose moments and products of inertia are each off by themselves, relative to the moments.
+
+    Bodies of which each number is off by a few per cent are not near each other as bodies are: a long one's far centre
+    moves by much more than that share of its radius of gyration, and its thin side is the difference of two moments.
+    """
+    mass, centre = parameters[0], parameters[1:4] / parameters[0]
+    distance = float(np.linalg.norm(centre))
+    moved = np.zeros((10, 3))
+    for axis, way in enumerate(np.eye(3)):
+        moved[1:4, axis] = mass * way
+        turned = 2.0 * centre[axis] * np.eye(3) - np.outer(way, centre) - np.outer(centre, way)
+        moved[4:, axis] = mass * turned[_UPPER]
+    about_origin = np.zeros((3, 3))
+    about_origin[_UPPER] = parameters[4:]
+    inertia = about_origin + np.triu(about_origin, 1).T - mass * (distance**2 * np.eye(3) - np.outer(centre, centre))
+    moments = np.maximum(np.diag(inertia), 0.0)
+    result = distance**2 * moved @ moved.T
+    result[4:, 4:] += np.diag(np.outer(moments, moments)[_UPPER])
+    return np.asarray(result)
