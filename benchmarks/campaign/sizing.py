@@ -111,7 +111,8 @@ SizeAt = Callable[[float], float]
 
 
 def amplitude_for(cause: Cause, wanted: float, size_at: SizeAt) -> tuple[float, float] | None:
-    """Amplitude and size where the cause is ``wanted`` times the noise; None where its limit leaves it far smaller."""
+    """Amplitude and size where the cause is ``wanted`` times the noise; None where its limit leaves it far smaller, or
+    what comes with it, as a shaft's elasticity with its play, is far larger."""
     amplitude = cause.start
     size = size_at(amplitude)
     for _ in range(2):
@@ -124,4 +125,4 @@ def amplitude_for(cause: Cause, wanted: float, size_at: SizeAt) -> tuple[float, 
             amplitude = nearer
             break
         amplitude, size = nearer, size_at(nearer)
-    return (amplitude, size) if size > 0.6 * wanted else None
+    return (amplitude, size) if 0.6 * wanted < size < wanted / 0.6 else None

@@ -8,6 +8,7 @@ promises more and is believed when it keeps its promise (type II maximum likelih
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,12 +27,15 @@ Array = NDArray[np.float64]
 
 TIGHTER = (0.3, 0.1, 0.03, 0.01, 0.003)
 """Of the tolerance, to which links may be known that the recordings bear out."""
+_FINELY = np.geomspace(1.0, TIGHTER[-1], 18)
+"""Of the tolerance, among which each answer has the one that suits it best."""
 _MARGIN = -float(np.log(FALSE_ALARM))
-"""nats by which a tighter tolerance with other causes must be better supported."""
+"""nats by which other causes under a tighter tolerance must be better supported, where that is all but none; twice that
+under any other, since no tolerance is the law by which links are off."""
 _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
-"""Of the tolerance: where the links are as exact as this, a load that they could be is one."""
+"""Of the tolerance: links that are off by no more."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +73,29 @@ def searched(evidence: Evidence) -> Searched:
     if evidence.tolerance is None:
         return best
     weights = first.scores.weights.copy()
-    most = _support(best, weights)
+    precisions = [_precision(evidence.design, share * evidence.tolerance) for share in _FINELY]
+    most, own = _supports(best, precisions, weights).max(), _supports(best, precisions[:1], weights).max()
     for share in TIGHTER:
         tighter = share * evidence.tolerance
         known = scores.known_to(_precision(evidence.design, tighter))
         tried = Searched(replace(evidence, design=known.design), known, Search(known).run(), scores, tighter)
-        support = _support(tried, weights)
-        margin = 0.0 if tried.hypotheses <= best.hypotheses else _MARGIN
-        if _believable(tried, first, share) and support > most + margin:
-            best, most = tried, support
-        elif support < most - _HOPELESS:
+        support = _supports(tried, precisions, weights).max()
+        there = _supports(tried, [known.design.precision], weights).max()
+        if tried.hypotheses == best.hypotheses:
+            better = there > own
+        else:
+            better = _believable(tried, first, share) and support > most + _margin(tried, best, share)
+        if better:
+            best, most, own = tried, support, there
+        elif there < own - _HOPELESS:
             break
     return best
+
+
+def _margin(tried: Searched, best: Searched, share: float) -> float:
+    if tried.hypotheses <= best.hypotheses:
+        return 0.0
+    return _MARGIN if share <= _EXACT else 2.0 * _MARGIN
 
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:
@@ -97,12 +112,18 @@ def _precision(design: Design, tolerance: float) -> Array:
     return precision
 
 
-def _support(found: Searched, weights: Array) -> float:
-    """nats of evidence for an answer and its tolerance at these weights, up to a constant."""
-    scores, design = found.scores, found.scores.design
-    model = within_limits(design, scores.total, weights, [design.candidates[k] for k in found.chosen], least=1)
-    given = np.arange(design.given)
-    told = products(design, scores.total, weights, given, given)
-    narrowed = np.linalg.slogdet(design.precision + told)[1] - np.linalg.slogdet(design.precision)[1]
-    explained = 0.5 * float(model.right[model.active] @ model.value)
-    return explained - 0.5 * float(narrowed) - scores.penalty(found.chosen)
+def _supports(found: Searched, precisions: Sequence[Array], weights: Array) -> Array:
+    """(precisions,) nats of evidence for an answer at these weights and under each tolerance, up to a constant.
+
+    Answers are compared under the tolerance that suits each best: where links are off by half of theirs, a cause must
+    not gain by what half a tolerance gains.
+    """
+    scores, chosen = found.scores, [found.scores.design.candidates[k] for k in found.chosen]
+    given = np.arange(scores.design.given)
+    told = products(scores.design, scores.total, weights, given, given)
+    result = []
+    for precision in precisions:
+        model = within_limits(replace(scores.design, precision=precision), scores.total, weights, chosen, least=1)
+        narrowed = np.linalg.slogdet(precision + told)[1] - np.linalg.slogdet(precision)[1]
+        result.append(0.5 * float(model.right[model.active] @ model.value - narrowed))
+    return np.array(result) - scores.penalty(found.chosen)
