@@ -278,8 +278,8 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, borne_out: fl
     notes = []
     if borne_out is not None:
         notes.append(
-            f"the links fit these recordings to {borne_out:.2g}, where the tolerance is {tolerance:.2g}: "
-            "causes are judged by links that are as exact as that"
+            f"the links fit these recordings to {100.0 * borne_out:.2g} %, where the tolerance is "
+            f"{100.0 * tolerance:.2g} %: causes are judged by links that are as exact as that"
         )
     if not has_bodies(given):
         notes.append(

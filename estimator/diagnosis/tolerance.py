@@ -19,6 +19,8 @@ _UNTOLD = 1e3
 _STIFFEST = 1e-9
 """Share of the widest combination's variance (of normalised parameters) that every other has at least."""
 
+_OF_NUMBERS = 1.0 / 3.0
+"""Of the tolerance, the standard deviation of the numbers in a URDF: none is off by more than that."""
 _UPPER = np.triu_indices(3)
 """xx xy xz yy yz zz"""
 _TIMING = {"torque": 0.25, "velocity": 0.4}
@@ -57,7 +59,7 @@ def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> A
         span = slice(10 * link, 10 * link + 10)
         if parameters[0] > 0.0:
             covariance[span, span] = np.linalg.inv(prior_precision(parameters, tolerance))
-            covariance[span, span] += tolerance**2 * _by_numbers(parameters)
+            covariance[span, span] += (_OF_NUMBERS * tolerance) ** 2 * _by_numbers(parameters)
         else:
             covariance[span, span] = _UNTOLD**2 * np.eye(10)
     spread = base.combination @ covariance @ base.combination.T

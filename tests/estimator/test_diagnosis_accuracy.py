@@ -79,7 +79,7 @@ def test_exact_links_leave_less_unseen(diagnosed: Diagnoser) -> None:
 
 
 def by_numbers(body: RigidBody, share: float, random: np.random.Generator) -> Array:
-    """The body's parameters, each number that a URDF has of a link off by a relative standard deviation."""
+    """The body's parameters, each number that a URDF has of a link off by up to a share of it."""
     result = []
     for parameters in body.prior().reshape(-1, 10):
         mass, centre = parameters[0], parameters[1:4] / parameters[0]
@@ -87,9 +87,9 @@ def by_numbers(body: RigidBody, share: float, random: np.random.Generator) -> Ar
         about = np.zeros((3, 3))
         about[upper] = parameters[4:]
         about = about + np.triu(about, 1).T - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        mass = mass * (1.0 + share * random.normal())
-        centre = centre * (1.0 + share * random.normal(size=3))
-        inertia = about[upper] * (1.0 + share * random.normal(size=6))
+        mass = mass * (1.0 + share * random.uniform(-1.0, 1.0))
+        centre = centre * (1.0 + share * random.uniform(-1.0, 1.0, 3))
+        inertia = about[upper] * (1.0 + share * random.uniform(-1.0, 1.0, 6))
         inertia = inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))[upper]
         result.append(np.concatenate([[mass], mass * centre, inertia]))
     return np.concatenate(result)
