@@ -70,7 +70,8 @@ def searched(evidence: Evidence) -> Searched:
     mixed = exchange(evidence.pieces, evidence.repeats, evidence.grid, noise) if noise.playings else None
     scores = Scores(evidence.design, evidence.blocks, evidence.folds, noise.news, mixed)
     first = best = Searched(evidence, scores, Search(scores).run(), scores)
-    if evidence.tolerance is None:
+    # Where a link is off by more than its tolerance, the others are not taken to be exact.
+    if evidence.tolerance is None or "link_inertia" in first.effects:
         return best
     weights = first.scores.weights.copy()
     precisions = [_precision(evidence.design, share * evidence.tolerance) for share in _FINELY]
