@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.consistency import is_consistent
+from estimator.parallel_axis import about_centre
 from estimator.rigid_body import RigidBody
 from estimator.twin.mujoco_plant import mjcf_of, possible_bodies
 from estimator.twin.plant import PlantDraft
@@ -113,16 +114,11 @@ def _set_inertial(link: ElementTree.Element, values: Array) -> None:
     """Mass, centre and inertia about the centre, axes parallel to the link's frame."""
     m, first = values[0], values[1:4]
     centre = first / m
-    xx, xy, xz, yy, yz, zz = values[4:]
-    about_frame = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    about_centre = about_frame - m * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     stale = link.find("inertial")
     if stale is not None:
         link.remove(stale)
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in centre), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=repr(float(m)))
-    entries = {
-        f"i{a}{b}": about_centre["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-    }
+    entries = dict(zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), about_centre(values), strict=True))
     ElementTree.SubElement(inertial, "inertia", {name: repr(float(value)) for name, value in entries.items()})

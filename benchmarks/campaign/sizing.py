@@ -73,7 +73,7 @@ def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMe
             mujoco.mj_inverse(body.model, body.data)
             own -= body.data.qfrc_inverse[dof]
         # What is left, and not the motion, is taken into the band: torques of a band-limited motion are not those
-        # torques band-limited, by up to twice the noise where a sweep is fast.
+        # torques band-limited, by up to three times the noise where a sweep is fast.
         squares += np.sum(in_band(left, RATE_HZ / EVERY)[edge:-edge] ** 2, axis=0)
         count += len(left) - 2 * edge
     return np.sqrt(squares / count)

@@ -43,7 +43,7 @@ class Searched:
     """The causes under the tolerance that is best supported."""
 
     evidence: Evidence
-    """Its design has that tolerance."""
+    """Its design's precision is of that tolerance."""
     scores: Scores
     causes: list[Cause]
     widest: Scores

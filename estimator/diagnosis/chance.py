@@ -44,13 +44,11 @@ class Chance:
         return float(-np.expm1(-self.tests * alone))
 
 
-def resample(model: Conditional, groups: list[Group], noise: Array | None = None, seed: int = 0) -> Chance:
-    """By `DRAWS` draws of noise and of the base parameters, everything else being as the given model has it.
-
-    ``noise``: `drawn_noise` of the same design, block and weights, where that is at hand.
-    """
+def resample(model: Conditional, groups: list[Group], noise: Array, seed: int = 0) -> Chance:
+    """By `DRAWS` draws of the base parameters beside those of ``noise`` (`drawn_noise` of the same design, block and
+    weights), everything else being as the given model has it."""
     design = model.design
-    score = _null_scores(model, drawn_noise(model, seed) if noise is None else noise, seed)
+    score = _null_scores(model, noise, seed)
     count = len(design.hypotheses)
     gains = np.zeros((count, DRAWS))
     for group in groups:

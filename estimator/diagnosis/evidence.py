@@ -50,7 +50,7 @@ class Evidence:
     parts: int
     """Blocks of each recording, at least."""
     tolerance: float | None = None
-    """Of the links' parameters, as the design has it; None where the model has no links that are known."""
+    """Of the links' parameters, as it was given; None where the model has no links that are known."""
 
 
 def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:

@@ -230,7 +230,9 @@ class Search:
             else:
                 gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
             if wider:
-                by_chance = 0.5 * float(chi2.isf(_ONE_IN, scores.size(k) - scores.size(mine[0])))
+                # A law of which the motion shows a part alone may have no more freedom than the one it contains.
+                more = max(scores.size(k) - scores.size(mine[0]), 1)
+                by_chance = 0.5 * float(chi2.isf(_ONE_IN, more))
                 gap = min(gap, AMBIGUOUS + by_chance - (gain - mine[1]))
             result.append(Alternative(k, gap))
         return sorted(result, key=lambda rival: rival.gap)

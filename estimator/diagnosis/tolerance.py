@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.consistency import prior_precision
 from estimator.diagnosis.stretches import Channel
+from estimator.parallel_axis import about_centre, unit_mass_slopes
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -21,8 +22,8 @@ _STIFFEST = 1e-9
 
 _OF_NUMBERS = 1.0 / 3.0
 """Of the tolerance, the standard deviation of the numbers in a URDF: none is off by more than that."""
-_UPPER = np.triu_indices(3)
-"""xx xy xz yy yz zz"""
+_SQUARES = [0, 3, 5]
+"""xx, yy and zz among xx xy xz yy yz zz."""
 _TIMING = {"torque": 0.25, "velocity": 0.4}
 """Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly (a
 speed counted between two samples belongs between them) …"""
@@ -78,16 +79,8 @@ def _by_numbers(parameters: Array) -> Array:
     moves by much more than that share of its radius of gyration, and its thin side is the difference of two moments.
     """
     mass, centre = parameters[0], parameters[1:4] / parameters[0]
-    distance = float(np.linalg.norm(centre))
-    moved = np.zeros((10, 3))
-    for axis, way in enumerate(np.eye(3)):
-        moved[1:4, axis] = mass * way
-        turned = 2.0 * centre[axis] * np.eye(3) - np.outer(way, centre) - np.outer(centre, way)
-        moved[4:, axis] = mass * turned[_UPPER]
-    about_origin = np.zeros((3, 3))
-    about_origin[_UPPER] = parameters[4:]
-    inertia = about_origin + np.triu(about_origin, 1).T - mass * (distance**2 * np.eye(3) - np.outer(centre, centre))
-    moments = np.maximum(np.diag(inertia), 0.0)
-    result = distance**2 * moved @ moved.T
-    result[4:, 4:] += np.diag(np.outer(moments, moments)[_UPPER])
+    moved = mass * np.vstack([np.zeros(3), np.eye(3), unit_mass_slopes(centre)])
+    moments = np.maximum(about_centre(parameters)[_SQUARES], 0.0)
+    result = centre @ centre * moved @ moved.T
+    result[4:, 4:] += np.diag(np.outer(moments, moments)[np.triu_indices(3)])
     return np.asarray(result)

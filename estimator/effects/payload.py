@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
+from estimator.parallel_axis import unit_mass_at, unit_mass_slopes
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -65,7 +66,7 @@ class Payload(Effect):
         centre = coefficients[1:4] / mass if mass > 0.0 else np.zeros(3)
         told: dict[str, float | Array] = {"mass": mass, "centre": centre}
         if _bulky(theta):
-            told["inertia"] = coefficients[4:] - mass * _about(centre)
+            told["inertia"] = coefficients[4:] - mass * unit_mass_at(centre)
         return told
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
@@ -73,12 +74,12 @@ class Payload(Effect):
         body = mass * np.append(1.0, centre)
         if "inertia" not in parameters:
             return np.append(COMPACT, centre), np.append(body, np.zeros(6))
-        return np.array([BULKY, 0.0, 0.0, 0.0]), np.append(body, parameters["inertia"] + mass * _about(centre))
+        return np.array([BULKY, 0.0, 0.0, 0.0]), np.append(body, parameters["inertia"] + mass * unit_mass_at(centre))
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         theta, coefficients = self.unknowns(place, parameters)
         if not _bulky(theta):
-            coefficients[4:] = coefficients[0] * _about(theta[1:])
+            coefficients[4:] = coefficients[0] * unit_mass_at(theta[1:])
         plant.parameters[-10:] += coefficients
 
 
@@ -87,17 +88,9 @@ def _bulky(theta: Array) -> bool:
     return bool(theta[0] > 0.5 * (COMPACT + BULKY))
 
 
-def _about(centre: Array) -> Array:
-    """(6,) xx xy xz yy yz zz about the origin of a unit mass at a centre."""
-    return np.asarray((centre @ centre * np.eye(3) - np.outer(centre, centre))[np.triu_indices(3)])
-
-
 def _turning(centre: Array) -> Array:
     """(6, 4) inertia about the origin per unit of mass and first moment of a mass near a centre."""
-    by_moment = [
-        2.0 * x * np.eye(3) - np.outer(e, centre) - np.outer(centre, e) for x, e in zip(centre, np.eye(3), strict=True)
-    ]
-    return np.stack([-_about(centre), *(inertia[np.triu_indices(3)] for inertia in by_moment)], axis=1)
+    return np.column_stack([-unit_mass_at(centre), unit_mass_slopes(centre)])
 
 
 EFFECT = Payload()

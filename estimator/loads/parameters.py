@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
+from estimator.parallel_axis import unit_mass_at
 
 Array = NDArray[np.float64]
 
@@ -139,8 +140,7 @@ def rigid_load(
 ) -> RigidLoad:
     """Of mass kg, centre (3,) m and inertia (6,) xx xy xz yy yz zz kg·m² about the centre; the inverse of Eq. 3.17."""
     centre = np.asarray(centre, dtype=float)
-    shifted = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
-    about_origin = np.asarray(inertia, dtype=float) + shifted[_ROWS, _COLUMNS]
+    about_origin = np.asarray(inertia, dtype=float) + mass * unit_mass_at(centre)
     parameters = np.concatenate([[mass], mass * centre, about_origin])
     return RigidLoad(parameters, np.zeros((10, 10)) if covariance is None else covariance, name)
 

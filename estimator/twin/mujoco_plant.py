@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.consistency import is_consistent, nearest_consistent
+from estimator.parallel_axis import about_centre
 from estimator.twin.plant import PlantDraft, Series
 
 Array = NDArray[np.float64]
@@ -222,12 +223,9 @@ def _set_inertial(link: Any, values: Array) -> None:
     mass, first = float(values[0]), values[1:4]
     if mass <= 0.0:
         return
-    centre = first / mass
-    xx, xy, xz, yy, yz, zz = values[4:]
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    about = about - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    link.mass, link.ipos, link.explicitinertial = mass, centre, True
-    link.fullinertia = [about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2]]
+    xx, xy, xz, yy, yz, zz = about_centre(values)
+    link.mass, link.ipos, link.explicitinertial = mass, first / mass, True
+    link.fullinertia = [xx, yy, zz, xy, xz, yz]
 
 
 def _quaternion(rotation: Array) -> Array:
