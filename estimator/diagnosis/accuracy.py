@@ -18,7 +18,7 @@ from estimator.diagnosis.admission import FALSE_ALARM
 from estimator.diagnosis.conditional import products, within_limits
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.exchange import exchange
+from estimator.diagnosis.exchange import Exchange, exchange, with_slow_motion
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.tolerance import base_precision
@@ -66,9 +66,7 @@ class Searched:
 
 def searched(evidence: Evidence) -> Searched:
     """Searches the evidence for causes, under its own tolerance and under the tighter ones."""
-    noise = evidence.noise
-    mixed = exchange(evidence.pieces, evidence.repeats, evidence.grid, noise) if noise.playings else None
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds, noise.news, mixed)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
     first = best = Searched(evidence, scores, Search(scores).run(), scores)
     # Where a link is off by more than its tolerance, the others are not taken to be exact.
     if evidence.tolerance is None or "link_inertia" in first.effects:
@@ -91,6 +89,13 @@ def searched(evidence: Evidence) -> Searched:
         elif there < own - _HOPELESS:
             break
     return best
+
+
+def other_errors(evidence: Evidence) -> Exchange | None:
+    """Torques beside angles with other errors than theirs."""
+    if evidence.noise.playings:
+        return exchange(evidence.pieces, evidence.repeats, evidence.grid, evidence.noise)
+    return with_slow_motion(evidence.slow, evidence.decimations, evidence.noise)
 
 
 def _margin(tried: Searched, best: Searched, share: float) -> float:

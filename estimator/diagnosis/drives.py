@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,11 +93,7 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
         raise InputError(motors[0].name, "no joint has the torques of its motor and of its sensor", "record both")
     plain = make_grid(body, motors)
     grid = replace(plain, channels=tuple(Channel("torque", joint) for joint in told))
-    pieces = [
-        piece
-        for number, (motor, sensor) in enumerate(zip(motors, sensors, strict=True))
-        for piece in _stretches(body, grid, number, motor, sensor)
-    ]
+    pieces = _cut(body, grid, motors, sensors)
     if not pieces:
         raise InputError(
             motors[0].name, "has no gapless stretch long enough to judge", "record at least some seconds of motion"
@@ -105,7 +102,8 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
     repeats = find_repeats(motors)
     unseen = np.zeros((len(told), ORDER + 1))
     unseen[:, 0] = EXACT**2 * mean_power(pieces)
-    return weighed(design, grid, pieces, unseen, motors, repeats)
+    slow = partial(_cut, body, grid.slower(), motors, sensors)
+    return weighed(design, grid, pieces, slow, unseen, motors, repeats)
 
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
@@ -115,6 +113,14 @@ def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float)
     hypotheses.append(Hypothesis(catalogue()["transport_delay"], Place(channel="torque")))
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     return make_design(body, nothing, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
+
+
+def _cut(body: RigidBody, grid: Grid, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> list[Stretch]:
+    return [
+        piece
+        for number, (motor, sensor) in enumerate(zip(motors, sensors, strict=True))
+        for piece in _stretches(body, grid, number, motor, sensor)
+    ]
 
 
 def _stretches(body: RigidBody, grid: Grid, recording: int, motor: Trajectory, sensor: Trajectory) -> list[Stretch]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,8 @@ class Evidence:
     """With which fold each block is left out."""
     parts: int
     """Blocks of each recording, at least."""
+    slow: tuple[Stretch, ...]
+    """Where no motion was played twice: the pieces with the slow part of their motion alone."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
 
@@ -78,7 +81,8 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     design = make_design(body, base, grid.channels, hypotheses, scales, precision)
     unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
-    found = weighed(design, grid, pieces, unseen, trajectories, repeats)
+    slow = partial(cut, body, grid.slower(), trajectories)
+    found = weighed(design, grid, pieces, slow, unseen, trajectories, repeats)
     return replace(found, tolerance=tolerance) if has_bodies(given) else found
 
 
@@ -86,12 +90,13 @@ def weighed(
     design: Design,
     grid: Grid,
     pieces: Sequence[Stretch],
+    slow: Callable[[], Sequence[Stretch]],
     unseen: Array,
     trajectories: Sequence[Trajectory],
     repeats: Sequence[RepeatGroup],
 ) -> Evidence:
     """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
-    (channels, ORDER + 1) is added to either.
+    (channels, ORDER + 1) is added to either. ``slow`` makes the pieces of `Evidence.slow`.
 
     Raises InputError when the ``trajectories`` are too short.
     """
@@ -120,6 +125,7 @@ def weighed(
         tuple(blocks),
         tuple(folds),
         parts,
+        () if noise.playings else tuple(slow()),
     )
 
 

@@ -1,8 +1,9 @@
-"""The angles of one playing beside the torques of another: what repeats is there still, and noise is not.
+"""Torques beside angles that do not have their errors: what the motion does is there still, and noise is not.
 
 A servo answers to the errors of its angles, so that a filter of the angles, such as a lag, explains the noise of the
 torques, in rows left out too. The errors of another playing's angles are others, as an instrument's are
-(Söderström and Stoica 1983).
+(Söderström and Stoica 1983). Where nothing was played twice, the motion is taken from lower frequencies alone: there it
+stands far above the errors, which lie at all frequencies.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ _LEAST_ROWS = 40
 
 @dataclass(frozen=True)
 class Exchange:
-    """Playings whose residuals are exchanged within their motion."""
+    """Stretches whose residuals have other errors than their motion."""
 
     pieces: tuple[Stretch, ...]
     decimations: tuple[int, ...]
     noise: Noise
+    untold: float
+    """The share of what a law explains that counts as there, where next to nothing of its columns is."""
 
     def among(self, design: Design) -> Block:
         """The products of a design's columns with each other, of one playing, and with the residuals of another."""
@@ -43,7 +46,15 @@ def exchange(pieces: Sequence[Stretch], groups: Sequence[RepeatGroup], grid: Gri
         for piece in _mixed(pieces, groups)
         if piece.signals.samples // (step := grid.decimation(piece.signals.period)) >= _LEAST_ROWS
     ]
-    return Exchange(tuple(piece for piece, _ in mixed), tuple(step for _, step in mixed), noise) if mixed else None
+    if not mixed:
+        return None
+    return Exchange(tuple(piece for piece, _ in mixed), tuple(step for _, step in mixed), noise, untold=1.0)
+
+
+def with_slow_motion(slow: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> Exchange:
+    """Each stretch with the slow part of its motion alone (`Evidence.slow`): what a law explains by more than that, it
+    explains by errors."""
+    return Exchange(tuple(slow), tuple(decimations), noise, untold=0.0)
 
 
 def _mixed(pieces: Sequence[Stretch], groups: Sequence[RepeatGroup]) -> Iterator[Stretch]:

@@ -188,8 +188,8 @@ class Scores:
         return self._held_out[key]
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:
-        """How much of what a candidate explains beside others is there still when each playing's angles are put beside
-        another playing's torques (`exchange`): one is all of it. One too where motions that recur do not tell."""
+        """How much of what a candidate explains beside others is there still when torques are put beside angles that
+        have other errors (`exchange`): one is all of it. One too where motions that recur do not tell."""
         key = (candidate, frozenset(others))
         if self._exchange is not None and key not in self._recurring:
             self._recurring[key] = self._share_exchanged(self._exchange, candidate, others)
@@ -211,7 +211,7 @@ class Scores:
         there, told, _ = mixed.left_of(columns)
         whole = float(value @ there @ value)
         if whole <= _LEAST_EXCHANGED * float(value @ matrix @ value):
-            return 1.0
+            return exchange.untold
         return float(value @ told) / whole
 
     def hypothesis(self, candidate: int) -> Hypothesis:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ _LEAST_BAND, _WIDEST_BAND = 10.0, 25.0
 _CALM, _LEAST_CALM = 3.0, 2.0
 """The motion from which columns are made: to this multiple of the motion's band, and at least to so many Hz. Noise of
 the angles in a column is the same noise as in the residual, and their product would be taken for evidence."""
+_OWN = 0.5
+"""Of that: once and a half the motion's band holds all but a hundredth of its accelerations."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,10 @@ class Grid:
     """(n,) rad of one count of each encoder, 0 where there is none."""
     motion: float
     """Hz up to which the angles tell more than noise: hypotheses' columns are made from the motion below."""
+
+    def slower(self) -> Grid:
+        """The same with columns of the motion's own band alone, where it stands far above the angles' errors."""
+        return replace(self, motion=_OWN * self.motion)
 
     def decimation(self, period: float) -> int:
         """Samples of `Stretch.signals` a row."""
