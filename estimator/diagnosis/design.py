@@ -138,12 +138,12 @@ def make_design(
             continue
         speeds = [Channel("velocity", joint) for joint in effect.speed_rows(body, place)]
         enters += [channel for channel in speeds if channel in where]
-        grid, limits = effect.grid(place, scales), effect.limits(place, scales)
-        count = effect.columns(place, moment, grid[0]).shape[2] if limits is None else len(limits[0])
-        lower, upper = (np.full(count, -np.inf), np.full(count, np.inf)) if limits is None else limits
+        grid = effect.grid(place, scales)
+        free = np.full(effect.columns(place, moment, grid[0]).shape[2], np.inf)
+        channels_in = tuple(where[c] for c in enters)
         for theta in grid:
-            columns = np.arange(count)
-            channels_in = tuple(where[c] for c in enters)
+            lower, upper = effect.limits(place, scales, theta) or (-free, free)
+            columns = np.arange(len(lower))
             candidates.append(Candidate(number, theta, columns, channels_in, lower, upper, effect.named_for))
     return empty.with_candidates(candidates)
 

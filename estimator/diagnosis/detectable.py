@@ -9,6 +9,7 @@ from estimator.diagnosis.admission import FALSE_ALARM, LEAST_SEEN
 from estimator.diagnosis.design import Candidate, Hypothesis
 from estimator.diagnosis.quantities import unit_of
 from estimator.diagnosis.scores import Scores
+from estimator.effects import Parameters
 
 Array = NDArray[np.float64]
 
@@ -36,18 +37,21 @@ def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, di
             told = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
             if told is None:
                 continue
-            parameter, size = told
+            parameter, size, parameters = told
             own = result.setdefault(hypothesis.effect.name, {})
             joint = hypothesis.place.joint
             own[joint] = max(size, own.get(joint, 0.0))
-            unit = unit_of(hypothesis, parameter, design.body)
+            unit = unit_of(hypothesis, parameter, parameters, design.body)
             units.setdefault(hypothesis.effect.name, {})[unit] = None
     return result, {name: ", ".join(own) for name, own in units.items()}
 
 
-def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float) -> tuple[str, float] | None:
+def _parameter(
+    hypothesis: Hypothesis, candidate: Candidate, coefficient: float
+) -> tuple[str, float, Parameters] | None:
     """The first parameter that the first coefficient changes: by how much that coefficient changes it, or its value
-    where the effect's absence is no number (an endless stiffness). None when there is no such parameter."""
+    where the effect's absence is no number (an endless stiffness); and all that it then has. None when there is no such
+    parameter."""
     x = np.zeros(len(candidate.columns))
     absent = hypothesis.effect.parameters(hypothesis.place, candidate.theta, x)
     x[0] = coefficient if candidate.upper[0] > 0.0 else -coefficient
@@ -55,7 +59,7 @@ def _parameter(hypothesis: Hypothesis, candidate: Candidate, coefficient: float)
     for name, value in present.items():
         without = absent.get(name, np.inf)
         if isinstance(value, float) and isinstance(without, float) and value != without and np.isfinite(value):
-            return name, abs(value - without) if np.isfinite(without) else abs(value)
+            return name, abs(value - without) if np.isfinite(without) else abs(value), present
     return None
 
 

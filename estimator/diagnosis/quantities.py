@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.answer import Quantity
 from estimator.diagnosis.design import Hypothesis
+from estimator.effects import Parameters
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -40,13 +41,13 @@ def quantities(
     result = {}
     for name, value in at.items():
         error = np.sqrt(np.maximum(np.einsum("ak,kl,al->a", slopes[name], covariance, slopes[name]), 0.0))
-        scalar = len(value) == 1
-        unit = unit_of(hypothesis, name, body)
+        scalar, unit = len(value) == 1, unit_of(hypothesis, name, at, body)
         result[name] = Quantity(float(value[0]) if scalar else value, float(error[0]) if scalar else error, unit)
     return result
 
 
-def unit_of(hypothesis: Hypothesis, parameter: str, body: RigidBody) -> str:
-    """Of a parameter of an effect where it lives: a link's stay, a joint's are those of a turning or a sliding one."""
-    unit, joint = hypothesis.effect.units[parameter], hypothesis.place.joint
+def unit_of(hypothesis: Hypothesis, name: str, parameters: Parameters, body: RigidBody) -> str:
+    """Of one of an effect's parameters where it lives: a link's stay, a joint's are those of a turning or a sliding
+    one."""
+    unit, joint = hypothesis.effect.units_of(parameters)[name], hypothesis.place.joint
     return unit if joint is None or hypothesis.effect.name == "link_inertia" else body.axes[joint].unit(unit)

@@ -43,7 +43,7 @@ class AsymmetricFriction(JointEffect):
         halves = [np.maximum(sign, 0.0), np.minimum(sign, 0.0), np.maximum(speed, 0.0), np.minimum(speed, 0.0)]
         return np.stack(halves, axis=1)[:, None, :]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(4)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

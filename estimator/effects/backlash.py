@@ -61,7 +61,7 @@ class Backlash(JointEffect):
         ahead = play(pressing / flying, signals.period, gap)
         return transmission.torque_of(signals, joint, ahead / gap)[:, :, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -1,7 +1,9 @@
-"""Contact: for a while something pushes on the arm."""
+"""Contact: for a while, or at a place, something pushes on the arm."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -10,46 +12,100 @@ from numpy.typing import NDArray
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
 from estimator.rigid_body import RigidBody
-from estimator.twin.plant import PlantDraft, Push
+from estimator.twin.plant import PlantDraft, Push, Wall
 
 Array = NDArray[np.float64]
 
+TIME, PLACE = 0.0, 1.0
+"""Whether it comes and goes with time, or with where the last link is: an entry of theta."""
 SHARES = 12
 """The recording's halves of windows: those tried are two of them long and begin at each."""
 EDGE = 0.02
 """s over which the force comes and goes."""
+DEPTHS = (0.15, 0.35, 0.6)
+"""Of the way that the last link makes along a wall's normal, what lies behind the wall, where one is tried first."""
 
 
 class Contact(Effect):
-    """A constant force (3,) N on the arm, in the base's frame, at the origin of the last link. ``where`` is from when
-    until when, s since the recording's start, which are theta."""
+    """A force on the arm, in the base's frame, at the origin of the last link.
+
+    At a time: constant, ``force`` (3,) N. theta holds from when until when, s since the recording's start.
+    At a place: what a compliant wall pushes back with, ``force`` (3,) N for each metre behind it, along its normal;
+    ``where`` (3,) m is the point of its plane nearest to the base's origin. theta holds the direction into the wall
+    (of any length) and how far along it the plane lies, m.
+    """
 
     name = "contact"
     units: ClassVar = {"where": "s", "force": "N"}
+    choices = (0,)
     confused_with = ("load_dependent_friction", "friction_drift")
     experiment = "play the same path again, shifted by 5 cm"
+
+    def units_of(self, parameters: Parameters) -> Mapping[str, str]:
+        return {"where": "m", "force": "N/m"} if _at_place(parameters) else self.units
 
     def places(self, body: RigidBody) -> list[Place]:
         return [Place()]
 
     def grid(self, place: Place, scales: Scales) -> Array:
         starts = np.arange(SHARES - 1) * scales.duration / SHARES
-        return np.stack([starts, starts + 2.0 * scales.duration / SHARES], axis=1)
+        nothing = np.zeros_like(starts)
+        times = [np.full_like(starts, TIME), starts, starts + 2.0 * scales.duration / SHARES, nothing, nothing]
+        ways = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        along = scales.tip @ ways.T
+        furthest, nearest = along.max(axis=0), along.min(axis=0)
+        walls = [
+            np.column_stack([np.full(len(ways), PLACE), ways, furthest - share * (furthest - nearest)])
+            for share in DEPTHS
+        ]
+        return np.vstack([np.stack(times, axis=1), *walls])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        start, end = map(float, theta)
+        if theta[0] > 0.5 * (TIME + PLACE):
+            normal, distance = _plane(theta)
+            depth = np.maximum(signals.tip @ normal - distance, 0.0)
+            return np.asarray((depth[:, None] * (signals.reach @ normal))[:, :, None])
+        start, end = map(float, theta[1:3])
         during = 0.5 * (np.tanh((signals.t - start) / EDGE) - np.tanh((signals.t - end) / EDGE))
         return np.asarray(-during[:, None, None] * signals.reach)
 
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
+        """A wall does not pull."""
+        if theta[0] == PLACE:
+            return np.zeros(1), np.full(1, np.inf)
+        return np.full(3, -np.inf), np.full(3, np.inf)
+
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        return {"where": np.array(theta), "force": np.array(coefficients)}
+        if len(coefficients) == 1:
+            normal, distance = _plane(theta)
+            return {"where": distance * normal, "force": -float(coefficients[0]) * normal}
+        return {"where": np.array(theta[1:3]), "force": np.array(coefficients)}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        return np.array(parameters["where"], dtype=float), np.array(parameters["force"], dtype=float)
+        where, force = (np.array(parameters[name], dtype=float) for name in ("where", "force"))
+        if not _at_place(parameters):
+            return np.array([TIME, *where, 0.0, 0.0]), force
+        stiffness = float(np.linalg.norm(force))
+        normal = -force / stiffness if stiffness > 0.0 else np.array([1.0, 0.0, 0.0])
+        return np.array([PLACE, *normal, normal @ where]), np.array([stiffness])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        (start, end), force = self.unknowns(place, parameters)
-        plant.pushes.append(Push(force, float(start), float(end)))
+        theta, coefficients = self.unknowns(place, parameters)
+        if _at_place(parameters):
+            normal, distance = _plane(theta)
+            plant.walls.append(Wall(normal, distance, float(coefficients[0])))
+        else:
+            plant.pushes.append(Push(coefficients, float(theta[1]), float(theta[2])))
+
+
+def _at_place(parameters: Parameters) -> bool:
+    return np.size(parameters["where"]) == 3
+
+
+def _plane(theta: Array) -> tuple[Array, float]:
+    """Unit vector (3,) into the wall, and how far along it the plane lies from the base's origin, m."""
+    return theta[1:4] / np.linalg.norm(theta[1:4]), float(theta[4])
 
 
 EFFECT = Contact()

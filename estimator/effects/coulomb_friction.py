@@ -38,7 +38,7 @@ class CoulombFriction(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.direction(self.joint(place), float(theta[0]))[:, None, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

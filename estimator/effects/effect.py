@@ -56,7 +56,7 @@ class Law(ABC):
 
     name: ClassVar[str]
     units: ClassVar[Mapping[str, str]]
-    """Of its parameters."""
+    """Of its parameters, in the form that it mostly has."""
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
     experiment: ClassVar[str]
@@ -84,6 +84,10 @@ class Law(ABC):
     def equation_at(self, place: Place) -> Equation:
         """The equation that it enters at this place."""
         return self.equation
+
+    def units_of(self, parameters: Parameters) -> Mapping[str, str]:
+        """The units of these."""
+        return self.units
 
     @abstractmethod
     def places(self, body: RigidBody) -> list[Place]:
@@ -115,8 +119,8 @@ class Law(ABC):
         coefficients."""
         return np.zeros((signals.samples, 0, 1))
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array] | None:
-        """Least and largest value (c,) that each coefficient can have physically; None: any."""
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array] | None:
+        """Least and largest value (c,) that each of theta's coefficients can have physically; None: any."""
         return None
 
     @abstractmethod

@@ -47,7 +47,7 @@ class FrictionDrift(JointEffect):
         left = np.exp(-signals.t / theta[0])
         return np.stack([sign * left, sign * (1.0 - left)], axis=1)[:, None, :]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(2)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

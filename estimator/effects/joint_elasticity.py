@@ -67,7 +67,7 @@ class JointElasticity(JointEffect):
         give = second_order_lag(transmission.torque, signals.period, relaxation, square) / stiffness
         return transmission.torque_of(signals, joint, give)[:, :, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

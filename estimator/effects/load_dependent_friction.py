@@ -35,7 +35,7 @@ class LoadDependentFriction(JointEffect):
         pressed = np.abs(signals.tau_rigid[:, joint]) * signals.direction(joint, float(theta[0]))
         return np.asarray(pressed[:, None, None])
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

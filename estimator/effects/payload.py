@@ -24,9 +24,9 @@ COMPACT, BULKY = 0.0, 1.0
 class Payload(Effect):
     """A rigid body in the last link's frame.
 
-    The coefficients are its ten parameters about the frame's origin. A bulky one has them all, and then it is what the
-    last link has beside the model's; of a compact one only mass m and first moment h are free, and it turns about the
-    origin with the inertia of h = m·c, which is not linear in them: J(m, h) = (|h|²·1 − h·hᵀ)/m. By Euler's theorem
+    The coefficients of a bulky one are its ten parameters about the frame's origin, and then it is what the last link
+    has beside the model's. Of a compact one only mass m and first moment h are free, and it turns about the origin with
+    the inertia of h = m·c, which is not linear in them: J(m, h) = (|h|²·1 − h·hᵀ)/m. By Euler's theorem
     J = m·∂J/∂m + h·∂J/∂h; theta is the kind, and the centre c₀ for which these slopes are taken, so that J is exact
     where h/m is c₀.
     """
@@ -47,25 +47,24 @@ class Payload(Effect):
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         columns = np.array(signals.regressor[:, :, -10:])
-        if _bulky(theta):
-            columns[:, :, ~signals.distinguishable[-1]] = 0.0
-        else:
-            columns[:, :, :4] += columns[:, :, 4:] @ _turning(theta[1:])
-            columns[:, :, 4:] = 0.0
+        if not _bulky(theta):
+            return np.asarray(columns[:, :, :4] + columns[:, :, 4:] @ _turning(theta[1:]))
+        columns[:, :, ~signals.distinguishable[-1]] = 0.0
         return columns
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         """Neither its mass nor an inertia about an axis is negative."""
         lower = np.full(10, -np.inf)
         lower[[0, 4, 7, 9]] = 0.0
-        return lower, np.full(10, np.inf)
+        count = 10 if _bulky(theta) else 4
+        return lower[:count], np.full(count, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         """``inertia`` (6: xx xy xz yy yz zz) about the centre, of a bulky one alone."""
         mass = float(coefficients[0])
         centre = coefficients[1:4] / mass if mass > 0.0 else np.zeros(3)
         told: dict[str, float | Array] = {"mass": mass, "centre": centre}
-        if _bulky(theta):
+        if len(coefficients) == 10:
             told["inertia"] = coefficients[4:] - mass * unit_mass_at(centre)
         return told
 
@@ -73,13 +72,13 @@ class Payload(Effect):
         mass, centre = float(parameters["mass"]), np.array(parameters["centre"], dtype=float)
         body = mass * np.append(1.0, centre)
         if "inertia" not in parameters:
-            return np.append(COMPACT, centre), np.append(body, np.zeros(6))
+            return np.append(COMPACT, centre), body
         return np.array([BULKY, 0.0, 0.0, 0.0]), np.append(body, parameters["inertia"] + mass * unit_mass_at(centre))
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         theta, coefficients = self.unknowns(place, parameters)
         if not _bulky(theta):
-            coefficients[4:] = coefficients[0] * unit_mass_at(theta[1:])
+            coefficients = np.append(coefficients, coefficients[0] * unit_mass_at(theta[1:]))
         plant.parameters[-10:] += coefficients
 
 

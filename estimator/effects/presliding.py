@@ -39,7 +39,7 @@ class Presliding(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return bristle(signals.q[:, self.joint(place)], float(theta[0]))[:, None, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -10,10 +10,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from estimator.kinematics import tip_positions
 from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
+
+_THIN = 8
+"""Samples of a motion for each of which one place is kept."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,11 @@ class Signals:
         held = [inverse_dynamics(replace(self.body, gravity=-axis), mass, self.q, still, still) for axis in np.eye(3)]
         return np.stack(held, axis=2)
 
+    @cached_property
+    def tip(self) -> Array:
+        """(samples, 3) m in the base's frame: where the origin of the last link's frame is."""
+        return tip_positions(self.body, self.q)
+
     def by_angle_error(self, joint: int, error: Array) -> Array:
         """(samples, n): what the model's torque gains when the true angle of a joint is ``error`` (samples,) rad more
         than the measured one, with the speed and acceleration that come with it."""
@@ -167,6 +176,8 @@ class Scales:
     """s of the longest recording"""
     band: float
     """Hz up to which torques are compared"""
+    tip: Array
+    """(places, 3) m that the origin of the last link's frame comes to"""
 
     @classmethod
     def of(cls, pieces: Sequence[Signals], band: float) -> Scales:
@@ -185,6 +196,7 @@ class Scales:
             tau=rms([piece.torque for piece in pieces]),
             duration=max(float(piece.t[-1]) for piece in pieces),
             band=band,
+            tip=np.concatenate([piece.tip[::_THIN] for piece in pieces]),
         )
 
 

@@ -41,7 +41,7 @@ class StribeckFriction(JointEffect):
         speed, sign = signals.dq[:, joint], signals.direction(joint, SIGN_TO_VELOCITY * velocity)
         return np.stack([sign, sign * np.exp(-((speed / velocity) ** 2)), speed], axis=1)[:, None, :]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(3)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

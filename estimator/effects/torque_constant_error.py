@@ -30,7 +30,7 @@ class TorqueConstantError(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.tau_rigid[:, [self.joint(place)], None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.array([1.0 / LARGEST_GAIN - 1.0]), np.array([1.0 / LEAST_GAIN - 1.0])
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -39,7 +39,7 @@ class TorqueNonlinearity(JointEffect):
         size = max(float(np.sqrt(np.mean(true**2))), np.finfo(float).tiny)
         return np.stack([true**3, np.tanh(true / (theta[0] * size))], axis=1)[:, None, :]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(2)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

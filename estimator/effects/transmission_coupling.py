@@ -50,7 +50,7 @@ class TransmissionCoupling(Effect):
         spent = np.stack([speed, averaged_sign(speed, width)], axis=1)
         return np.stack([spent, ratio * spent], axis=1)
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.zeros(2), np.full(2, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -61,7 +61,7 @@ class TransportDelay(Effect):
         shifted = [np.interp(signals.t - by, signals.t, column) for column in channel.T]
         return ((np.array(shifted).T - channel) / abs(by))[:, :, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.zeros(1), np.full(1, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -26,7 +26,7 @@ class ViscousFriction(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return signals.dq[:, [self.joint(place)], None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -36,7 +36,7 @@ class WrenchResonance(WrenchEffect):
         wrench = self.wrench(signals)
         return (resonated(wrench, signals.period, *map(float, theta)) - wrench)[:, :, None]
 
-    def limits(self, place: Place, scales: Scales) -> tuple[Array, Array]:
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.zeros(1), np.full(1, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -74,6 +74,18 @@ class Push:
     end: float
 
 
+@dataclass(frozen=True)
+class Wall:
+    """A plane that the last link's origin presses into, and that pushes it back along its normal."""
+
+    normal: Array
+    """(3,) unit vector into the wall, in the base's frame."""
+    distance: float
+    """m along it from the base's origin."""
+    stiffness: float
+    """N/m"""
+
+
 @dataclass
 class PlantDraft:
     """A plant in the making; arrays over joints are (n,) in the order of the body."""
@@ -102,6 +114,7 @@ class PlantDraft:
     series: dict[int, Series] = field(default_factory=dict)
     couplings: list[Coupling] = field(default_factory=list)
     pushes: list[Push] = field(default_factory=list)
+    walls: list[Wall] = field(default_factory=list)
     rubbing: list[tuple[int, Law]] = field(default_factory=list)
     """Friction beside `friction`: what the law gives, of either sign, is added to the level."""
     spending: list[tuple[int, Law]] = field(default_factory=list)

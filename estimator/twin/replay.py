@@ -166,8 +166,8 @@ class _Run:
             self._laws(true)
         data.qfrc_applied[:] = 0.0
         data.qfrc_applied[motor] = true + lent
-        if draft.pushes:
-            self._push(self.start + data.time)
+        if draft.pushes or draft.walls:
+            self._touch(self.start + data.time)
         if data.time == 0.0:
             # The integrator's speeds belong half a step before its angles.
             mujoco.mj_forward(self.model, data)
@@ -191,11 +191,17 @@ class _Run:
         for joint, law in draft.spending:
             true[joint] -= draft.gain[joint] * law(self.joints[joint])
 
-    def _push(self, t: float) -> None:
+    def _touch(self, t: float) -> None:
+        """What pushes on the last link now."""
         data, last = self.data, self.plant.last_body
-        for push in self.draft.pushes:
-            if push.start <= t < push.end:
-                mujoco.mj_applyFT(self.model, data, push.force, np.zeros(3), data.xpos[last], last, data.qfrc_applied)
+        tip = data.xpos[last]
+        forces = [push.force for push in self.draft.pushes if push.start <= t < push.end]
+        for wall in self.draft.walls:
+            depth = float(wall.normal @ tip) - wall.distance
+            if depth > 0.0:
+                forces.append(-wall.stiffness * depth * wall.normal)
+        for force in forces:
+            mujoco.mj_applyFT(self.model, data, force, np.zeros(3), tip, last, data.qfrc_applied)
 
 
 class _Between:

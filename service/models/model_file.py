@@ -225,7 +225,7 @@ def _entry(one: FittedEffect, body: RigidBody) -> EffectEntry:
             key: Parameter(
                 value=_number(value),
                 standard_error=_error(one.standard_error, key),
-                unit=unit_of(hypothesis, key, body),
+                unit=unit_of(hypothesis, key, one.parameters, body),
             )
             for key, value in one.parameters.items()
             if key != "joint_other"

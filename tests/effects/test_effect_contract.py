@@ -62,10 +62,10 @@ def a_place(found: Effect, body: RigidBody) -> Place:
     return places[len(places) // 3]
 
 
-def possible(found: Effect, place: Place, scales: Scales, count: int, seed: int = 0) -> Array:
+def possible(found: Effect, place: Place, scales: Scales, theta: Array, count: int, seed: int = 0) -> Array:
     """Coefficients within their limits."""
     values = np.random.default_rng(seed).uniform(0.1, 0.5, count)
-    limits = found.limits(place, scales)
+    limits = found.limits(place, scales, theta)
     return values if limits is None else np.clip(values, *limits)
 
 
@@ -110,25 +110,28 @@ def test_places_and_rows_are_of_the_arm(name: str, arm: RigidBody) -> None:
 def test_columns_are_finite_for_every_choice(name: str, signals: Signals, scales: Scales) -> None:
     found, felt = effect(name), 0
     for place in found.places(signals.body):
-        rows, counts = len(found.rows(signals.body, place)), set()
+        rows, free = len(found.rows(signals.body, place)), set()
         grid = found.grid(place, scales)
         assert grid.ndim == 2
         assert 0 < len(grid) <= 96
         for theta in grid[[0, len(grid) // 2, -1]]:
             columns = found.columns(place, signals, theta)
-            counts.add(columns.shape[2])
-            assert columns.shape == (signals.samples, rows, *counts)
+            count = columns.shape[2]
+            assert columns.shape == (signals.samples, rows, count)
             assert np.isfinite(columns).all()
             if speeds := found.speed_rows(signals.body, place):
                 assert found.equation_at(place) == "torque"
-                assert found.speed_columns(place, signals, theta).shape == (signals.samples, len(speeds), *counts)
+                assert found.speed_columns(place, signals, theta).shape == (signals.samples, len(speeds), count)
             felt += bool(np.any(columns))
-        limits = found.limits(place, scales)
-        if limits is not None:
+            limits = found.limits(place, scales, theta)
+            if limits is None:
+                free.add(count)
+                continue
             low, high = limits
-            assert low.shape == high.shape == tuple(counts)
+            assert low.shape == high.shape == (count,)
             assert np.all(low < high)
             assert np.all((low <= 0.0) & (high > 0.0)), "an arm without the effect must be possible"
+        assert len(free) <= 1, "without limits all have as many coefficients"
     assert felt
 
 
@@ -138,7 +141,7 @@ def test_parameters_are_those_of_the_catalogue_and_come_back(name: str, signals:
     place, told = a_place(found, signals.body), set[str]()
     for number, theta in enumerate(found.grid(place, scales)):
         count = found.columns(place, signals, theta).shape[2]
-        parameters = found.parameters(place, theta, possible(found, place, scales, count, number))
+        parameters = found.parameters(place, theta, possible(found, place, scales, theta, count, number))
         assert set(parameters) <= set(found.units)
         told |= set(parameters)
         again = found.parameters(place, *found.unknowns(place, parameters))
@@ -153,7 +156,7 @@ def test_torque_is_what_the_columns_say(name: str, signals: Signals, scales: Sca
     place = a_place(found, signals.body)
     theta = found.grid(place, scales)[0]
     count = found.columns(place, signals, theta).shape[2]
-    parameters = found.parameters(place, theta, possible(found, place, scales, count))
+    parameters = found.parameters(place, theta, possible(found, place, scales, theta, count))
     torque = found.torque(place, parameters, signals)
     assert torque.shape == signals.q.shape
     if found.equation_at(place) != "torque":
@@ -174,7 +177,7 @@ def test_it_says_how_it_moves_the_simulated_arm(name: str, signals: Signals, sca
     place = a_place(found, signals.body)
     theta = found.grid(place, scales)[0]
     count = found.columns(place, signals, theta).shape[2]
-    parameters = found.parameters(place, theta, possible(found, place, scales, count))
+    parameters = found.parameters(place, theta, possible(found, place, scales, theta, count))
     before = PlantDraft(signals.body, signals.body.prior())
     plant = deepcopy(before)
     found.simulate(place, parameters, plant)

@@ -88,6 +88,23 @@ def test_a_push_is_held_by_the_transposed_jacobian(signals: Signals) -> None:
     np.testing.assert_allclose(found[:100], 0.0, atol=1e-9)
 
 
+def test_a_wall_pushes_back_where_the_arm_is_behind_it(signals: Signals) -> None:
+    normal = np.array([0.6, 0.0, -0.8])
+    along = signals.tip @ normal
+    place = 0.5 * (along.min() + along.max())
+    found = torque("contact", Place(), signals, where=place * normal, force=-300.0 * normal)
+    body, data = signals.body, signals.body.model.createData()
+    behind = [int(np.argmax(along)), *np.flatnonzero(along > place)[::50]]
+    for sample in (int(np.argmin(along)), *behind):
+        pin.forwardKinematics(body.model, data, body.configuration(signals.q[sample]))
+        np.testing.assert_allclose(signals.tip[sample], data.oMi[body.n].translation, atol=1e-12)
+        depth = max(float(normal @ data.oMi[body.n].translation) - place, 0.0)
+        pushed = torque("contact", Place(), signals, where=np.array([-9.0, 9e9]), force=-300.0 * depth * normal)
+        np.testing.assert_allclose(found[sample], pushed[sample], atol=1e-9)
+    assert not np.any(found[int(np.argmin(along))])
+    assert np.any(found[behind[0]])
+
+
 def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
     mass, centre = 0.8, np.array([0.02, -0.01, 0.05])
     heavier = signals.body.prior()

@@ -67,6 +67,7 @@ CASES = [
     Case("payload", Place(), {"mass": 1.0, "centre": np.array([0.0, 0.0, 0.1])}, 0.08),
     Case("base_tilt", Place(), {"roll": 0.05, "pitch": -0.08}, 0.06),
     Case("contact", Place(), {"where": np.array([1.0, 1.9]), "force": np.array([5.0, -8.0, 4.0])}, 0.08),
+    Case("contact", Place(), {"where": np.array([0.3, 0.0, 0.0]), "force": np.array([-200.0, 0.0, 0.0])}, 0.08),
     Case("transport_delay", Place(channel="torque"), {"delay": 0.01}),
     Case("transport_delay", Place(1, channel="torque"), {"delay": 0.01}),
     Case("transport_delay", Place(channel="position"), {"delay": 0.01}),
