@@ -23,7 +23,7 @@ from estimator.diagnosis.evidence import EXACT, Evidence, weighed
 from estimator.diagnosis.grams import total
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER
-from estimator.diagnosis.stretches import CHUNK, KINEMATIC, Channel, Grid, Stretch, calm_motion, make_grid, mean_power
+from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power
 from estimator.diagnosis.tolerance import timing_precision
 from estimator.diagnosis.torques import plain_blocks, residual_power
 from estimator.diagnosis.traces import signatures
@@ -129,9 +129,7 @@ def _stretches(body: RigidBody, grid: Grid, recording: int, motor: Trajectory, s
     chosen = [channel.index for channel in grid.channels]
     both = replace(motor, tau=motor.tau + 0.0 * sensor.tau)
     result = []
-    for piece in both.segments(CHUNK, 2 * plan.edge):
-        if len(piece) <= 2 * plan.edge + 16 * plan.stride:
-            continue
+    for piece in gapless(grid, plan, both):
         t, thin = motor.t[piece], slice(None, None, plan.stride)
         driven, felt = (resample(t, own.tau[piece], plan.rate) for own in (motor, sensor))
         calm = calm_motion(grid, plan, resample(t, motor.q[piece], plan.rate))

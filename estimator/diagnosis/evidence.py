@@ -97,8 +97,6 @@ def weighed(
 ) -> Evidence:
     """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
     (channels, ORDER + 1) is added to either. ``slow`` makes the pieces of `Evidence.slow`.
-
-    Raises InputError when the ``trajectories`` are too short.
     """
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
@@ -109,10 +107,6 @@ def weighed(
         )
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
-    if not blocks:
-        raise InputError(
-            trajectories[0].name, "is too short to judge a model by", "record at least some seconds of motion"
-        )
     folds = folds_of(blocks, len(trajectories), repeats)
     return Evidence(
         design,

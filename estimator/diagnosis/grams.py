@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.design import Design, stretch_rows
 from estimator.diagnosis.noise import ORDER, Noise
-from estimator.diagnosis.stretches import Stretch
+from estimator.diagnosis.stretches import LEAST_ROWS, Stretch
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _BLOCKS = 12
 """Blocks that the rows are cut into, at least one a recording."""
-_LEAST_ROWS = 20
 
 
 @dataclass(frozen=True)
@@ -78,13 +77,11 @@ def sheets(
     """The rows of all stretches; ``decimations`` samples a row of each, at least ``parts`` sheets of each that is long
     enough."""
     total = sum(piece.signals.samples // decimation for piece, decimation in zip(pieces, decimations, strict=True))
-    length = max(_LEAST_ROWS, total // _BLOCKS)
+    length = max(LEAST_ROWS, total // _BLOCKS)
     for piece, decimation in zip(pieces, decimations, strict=True):
         rows = stretch_rows(design, piece, decimation, noise)
         count = rows[0].shape[1]
-        if count < _LEAST_ROWS:
-            continue
-        own = max(1, round(count / length), min(parts, count // _LEAST_ROWS))
+        own = max(1, round(count / length), min(parts, count // LEAST_ROWS))
         edges = np.linspace(0, count, own + 1).astype(int)
         times = piece.signals.t[::decimation][ORDER:]
         for begin, end in pairwise(edges):

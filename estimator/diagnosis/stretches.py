@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator.convolution import convolve
 from estimator.diagnosis.grains import counts, rounding
+from estimator.diagnosis.noise import ORDER
 from estimator.effects import Equation, Signals
 from estimator.filtering import FilterPlan, Motion, motion_band, plan_filter, resample, smooth_motion
 from estimator.regressor import inverse_dynamics
@@ -18,6 +19,8 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+LEAST_ROWS = 20
+"""Of a piece that tells anything, behind the noise's own filter."""
 CHUNK = 16_384
 """Samples of the recording worked on at once."""
 KINEMATIC = 2.0
@@ -97,11 +100,16 @@ def channels_of(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Ch
 
 
 def stretches(body: RigidBody, grid: Grid, recording: int, trajectory: Trajectory) -> list[Stretch]:
-    """All gapless pieces of one recording that are longer than the smoothing reaches."""
+    """All gapless pieces of one recording that are long enough to judge."""
     plan = plan_filter(trajectory.rate, grid.band, flat=KINEMATIC)
-    pieces = trajectory.segments(CHUNK, 2 * plan.edge)
-    long_enough = [piece for piece in pieces if len(piece) > 2 * plan.edge + 16 * plan.stride]
-    return [_stretch(body, grid, recording, trajectory, piece, plan) for piece in long_enough]
+    return [_stretch(body, grid, recording, trajectory, piece, plan) for piece in gapless(grid, plan, trajectory)]
+
+
+def gapless(grid: Grid, plan: FilterPlan, trajectory: Trajectory) -> list[NDArray[np.intp]]:
+    """The samples of each piece that is long enough to judge."""
+    row = plan.stride * grid.decimation(plan.stride / plan.rate)
+    least = 2 * plan.edge + (ORDER + LEAST_ROWS) * row
+    return [piece for piece in trajectory.segments(CHUNK, 2 * plan.edge) if len(piece) >= least]
 
 
 def _stretch(
