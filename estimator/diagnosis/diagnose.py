@@ -70,7 +70,7 @@ def diagnose(
         held_out=_held_out(evidence, scores, refined, body, hold_out),
         smallest_detectable=sizes,
         detectable_units=units,
-        notes=tuple(_notes(evidence, given, tolerance, judged.borne_out)),
+        notes=tuple(_notes(evidence, given, tolerance, judged)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
         base_deviation=_deviation(evidence, refined, given),
@@ -274,11 +274,17 @@ def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
     return np.asarray(first + refined.value[: base.rank])
 
 
-def _notes(evidence: Evidence, given: RigidBody, tolerance: float, borne_out: float | None) -> list[str]:
+def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judged) -> list[str]:
     notes = []
-    if borne_out is not None:
+    off = sorted(f.place.joint for f in judged.findings if f.effect == "link_inertia" and f.place.joint is not None)
+    if len(off) > 1:
         notes.append(
-            f"the links fit these recordings to {100.0 * borne_out:.2g} %, where the tolerance is "
+            f"the links of {', '.join(given.joints[k] for k in off)} are all off by more than the tolerance of "
+            f"{100.0 * tolerance:.2g} %: make sure that the model is this arm's"
+        )
+    if judged.borne_out is not None:
+        notes.append(
+            f"the links fit these recordings to {100.0 * judged.borne_out:.2g} %, where the tolerance is "
             f"{100.0 * tolerance:.2g} %: causes are judged by links that are as exact as that"
         )
     if not has_bodies(given):

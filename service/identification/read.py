@@ -51,9 +51,6 @@ def read_recordings(
     paths = [*recordings, *hold_out]
     if not recordings:
         raise InputError("recordings", "there are none", "give at least one")
-    for path in hold_out:
-        if path.resolve() in {other.resolve() for other in recordings}:
-            raise InputError(str(path), "is both learnt from and held out", "hold out a recording of its own")
     arm = arm_source(arm_named) if arm_named is not None else None
     body: RigidBody | None = None
     sources: list[Source] = []
@@ -69,6 +66,7 @@ def read_recordings(
             body = arm.rigid_body(recording.joints, hold)
         notes += [f"{path.name}: {note}" for note in recording.notes]
         sources.append(source_of(path, recording))
+        _once(path, sources, len(recordings))
         read.append(trajectory_of(recording, body, str(path)))
         whole.append(recording)
     assert arm is not None
@@ -82,3 +80,15 @@ def read_recordings(
     judged, doubts_of_judged = examined(body, read[count:], believed)
     notes += [*doubts, *doubts_of_judged]
     return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))
+
+
+def _once(path: Path, sources: Sequence[Source], learnt: int) -> None:
+    """Raises InputError where the last of the sources holds what one before it does: told twice, a recording's noise
+    would be a law of the arm."""
+    *before, last = sources
+    same = next((k for k, other in enumerate(before) if other.sha256 == last.sha256), None)
+    if same is None:
+        return
+    if same < learnt <= len(before):
+        raise InputError(str(path), "is both learnt from and held out", "hold out a recording of its own")
+    raise InputError(str(path), f"is the same recording as {before[same].path}", "give each recording once")

@@ -110,3 +110,14 @@ def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: R
     found = diagnose(six_axis, record(playings=1))
     assert found.verdict == "clean"
     assert any("no motion was played twice" in note for note in found.notes)
+
+
+def test_links_that_are_all_off_make_the_model_doubtful(six_axis: RigidBody, record: Recorder) -> None:
+    def other_links(q: Array, dq: Array, ddq: Array) -> Array:
+        more = six_axis.prior().reshape(-1, 10) * np.array([0.0, 0.8, 0.0, -0.6, 0.0, 0.0])[:, None]
+        return inverse_dynamics(six_axis, more.ravel(), q, dq, ddq)
+
+    found = diagnose(six_axis, record(other_links))
+    assert {f.place.joint for f in found.findings if f.effect == "link_inertia"} == {1, 3}
+    assert any("make sure that the model is this arm's" in note for note in found.notes)
+    assert not any("make sure" in note for note in diagnose(six_axis, record()).notes)

@@ -72,6 +72,15 @@ def test_a_recording_is_not_learnt_from_and_held_out_at_once(recorded: Path, tmp
         identify(LinksRequest((recorded,), tmp_path, hold_out=(recorded,), arm=str(URDF)))
 
 
+def test_a_recording_counts_once(recorded: Path, tmp_path: Path) -> None:
+    """Two playings of a motion differ by their noise; a copy would say that there is none."""
+    copy = tmp_path / f"copy{recorded.suffix}"
+    copy.write_bytes(recorded.read_bytes())
+    for again in (recorded, copy):
+        with pytest.raises(InputError, match="is the same recording as"):
+            identify(LinksRequest((recorded, again), tmp_path, arm=str(URDF)))
+
+
 def test_an_arm_must_be_named_where_the_recording_does_not(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--arm"):
         identify(LinksRequest((recorded,), tmp_path))
