@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.base_parameters import base_parameters
+from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.first_body import first_body, has_bodies
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.maps import MAPS
-from estimator.diagnosis.noise import Noise, assumed_noise, autocovariance
+from estimator.diagnosis.noise import Noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.stretches import Grid, Stretch, make_grid, mean_power, stretches
 from estimator.diagnosis.tolerance import given_precision

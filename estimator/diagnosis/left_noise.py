@@ -1,6 +1,6 @@
 """A noise that no repeats tell, once the causes are known: what they leave of each channel, widened.
 
-At first it is assumed to be what the richest model leaves (`estimator.diagnosis.noise.assumed_noise`), of which much
+At first it is assumed to be what the richest model leaves (`estimator.diagnosis.assumed_noise`), of which much
 may be an effect that no direction of that model resembles. Whatever a model with fewer unknowns leaves holds the whole
 noise, so where that is less, and of another colour, the noise is no more than that.
 """

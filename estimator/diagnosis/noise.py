@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 _ROWS_A_COEFFICIENT = 40
-_TOLD = 1e-9
-"""Of the largest singular value: smaller ones are rounding."""
 WIDENED = 1.3
 """Factor on the standard deviation of a noise that no repeats tell."""
 
@@ -84,42 +82,6 @@ def whitened_variance(filters: Array, covariance: Array) -> Array:
     """(channels,) variance of errors with this autocovariance (channels, ORDER + 1) after each channel's filter."""
     lags = np.abs(np.subtract.outer(np.arange(ORDER + 1), np.arange(ORDER + 1)))
     return np.asarray(np.einsum("ka,kab,kb->k", filters, covariance[:, lags], filters))
-
-
-def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
-    """Without repeats: what the richest linear model leaves, widened.
-
-    ``stretches`` hold for each channel (columns + 1, rows), the residual last. The model takes the principal directions
-    of all hypotheses' columns, as many as a third of the rows: it swallows the effects, and some of the noise, which is
-    what the widening is for. ``unseen`` (channels, ORDER + 1) is the autocovariance of errors that the model may have
-    swallowed too.
-    """
-    left: list[list[Array]] = [[] for _ in stretches]
-    freedom = np.inf
-    for channel in range(len(stretches[0])):
-        rows = np.concatenate([stretch[channel] for stretch in stretches], axis=1)
-        norms = np.linalg.norm(rows[:-1], axis=1)
-        columns = rows[:-1][norms > 0.0] / norms[norms > 0.0, None]
-        kept = np.zeros((0, rows.shape[1]))
-        if len(columns):
-            _, values, directions = np.linalg.svd(columns, full_matrices=False)
-            # What is no direction of the columns but of their rounding would swallow noise by chance.
-            kept = directions[values > _TOLD * values[0]][: rows.shape[1] // 3]
-        residual = rows[-1] - (rows[-1] @ kept.T) @ kept
-        free = rows.shape[1] - len(kept)
-        freedom = min(freedom, float(free))
-        residual *= np.sqrt(rows.shape[1] / free)
-        edges = np.cumsum([stretch[channel].shape[1] for stretch in stretches])[:-1]
-        for own, part in zip(left, np.split(residual, edges), strict=True):
-            own.append(part)
-    covariance = WIDENED**2 * autocovariance([np.array(own).T for own in left]) + unseen
-    return Noise(
-        filters=np.array([autoregressive(row, freedom) for row in covariance]),
-        rms=np.sqrt(covariance[:, 0]),
-        degrees_of_freedom=0.0,
-        playings=0,
-        news=np.ones(len(covariance)),
-    )
 
 
 def autocovariance(pieces: Sequence[Array]) -> Array:

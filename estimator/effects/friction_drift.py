@@ -15,9 +15,9 @@ from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
-SHORTEST = 0.1
+SHORTEST = 0.2
 """Of the time constants to try, as a share of the longest recording …"""
-SHORTEST_S = 2.0
+SHORTEST_S = 4.0
 """… but no less: nothing that a joint's work warms or wears in changes sooner, and in the time of a single stroke any
 law of friction looks like a change."""
 

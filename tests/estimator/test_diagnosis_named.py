@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
@@ -25,7 +26,7 @@ def record(
 ) -> Callable[..., list[Trajectory]]:
     """Two playings of two motions, the arm's link parameters being off by some percent, ``law(q, dq, ddq)`` added."""
 
-    def make(law: Law | None = None, seed: int = 0, playings: int = 2) -> list[Trajectory]:
+    def make(law: Law | None = None, seed: int = 0, playings: int = 2, slow: bool = False) -> list[Trajectory]:
         random = np.random.default_rng(seed)
         true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
         result = []
@@ -35,6 +36,10 @@ def record(
             for playing in range(playings):
                 measured = q + 1e-6 * random.normal(size=q.shape)
                 noise = NOISE * random.normal(size=q.shape)
+                if slow:
+                    noise = 0.6 * noise + 0.8 * lfilter(
+                        [0.31], [1.0, -0.95], NOISE * random.normal(size=q.shape), axis=0
+                    )
                 result.append(Trajectory(t, measured, tau + noise, name=f"motion {motion}, playing {playing}"))
         return result
 
@@ -110,6 +115,12 @@ def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: R
     found = diagnose(six_axis, record(playings=1))
     assert found.verdict == "clean"
     assert any("no motion was played twice" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slow_noise_that_no_repeats_tell_is_no_cause(six_axis: RigidBody, record: Recorder, seed: int) -> None:
+    found = diagnose(six_axis, record(seed=seed, playings=1, slow=True))
+    assert found.verdict == "clean", (found.findings, found.unexplained)
 
 
 def test_links_that_are_all_off_make_the_model_doubtful(six_axis: RigidBody, record: Recorder) -> None:

@@ -4,8 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from estimator.diagnosis.noise import ORDER, assumed_noise
+from estimator.diagnosis.assumed_noise import assumed_noise
+from estimator.diagnosis.noise import ORDER, WIDENED, Noise
+
+ROWS = 480
+
+
+def slow_columns(random: np.random.Generator) -> NDArray[np.float64]:
+    """(90, rows) of frequencies below a quarter of the rows' highest, where 120 directions are all that there are."""
+    spectrum = np.fft.rfft(random.normal(size=(90, ROWS)), axis=1)
+    spectrum[:, ROWS // 8 :] = 0.0
+    return np.asarray(np.fft.irfft(spectrum, ROWS, axis=1))
+
+
+def below(power: NDArray[np.float64], share: float) -> float:
+    """Mean power of whitened rows (draws, rows) below a share of their highest frequency."""
+    spectra = np.abs(np.fft.rfft(power, axis=1)[:, 1:]) ** 2 / power.shape[1]
+    return float(spectra[:, : int(share * spectra.shape[1])].mean())
 
 
 def test_columns_that_say_the_same_but_for_rounding_swallow_no_noise() -> None:
@@ -19,3 +37,27 @@ def test_columns_that_say_the_same_but_for_rounding_swallow_no_noise() -> None:
     )
     assert doubled.rms == pytest.approx(alone.rms, rel=1e-9)
     assert doubled.filters == pytest.approx(alone.filters, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.8])
+def test_noise_that_the_columns_swallow_is_told_by_what_they_leave(pole: float) -> None:
+    """A model of slow columns leaves a hole in the noise's spectrum, just where causes are; in whitened rows the noise
+    must not stand out there."""
+    random = np.random.default_rng(3)
+    columns = slow_columns(random)
+    noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], random.normal(size=(40, ROWS + 200)), axis=1)[:, 200:]
+    whitened = [
+        assumed_noise([[np.vstack([columns, own])]], np.zeros((1, ORDER + 1))).whiten(0, own[None])[0] for own in noise
+    ]
+    assert below(np.array(whitened), 1.0) == pytest.approx(1.0 / WIDENED**2, rel=0.15)
+    assert below(np.array(whitened), 0.2) < 1.0
+    kept = np.linalg.svd(columns, full_matrices=False)[2]
+    left = noise - noise @ kept.T @ kept
+    assert below(left, 0.2) < 0.3 * below(noise, 0.2), "as it is, the hole would be taken for the noise's colour"
+
+
+def test_a_model_without_columns_leaves_all_noise() -> None:
+    noise = np.random.default_rng(1).normal(size=(1, 4000))
+    found = assumed_noise([[noise]], np.zeros((1, ORDER + 1)))
+    assert isinstance(found, Noise)
+    assert found.rms[0] == pytest.approx(WIDENED, rel=0.05)
