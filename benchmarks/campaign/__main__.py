@@ -27,12 +27,9 @@ def main() -> int:
     options = _options()
     if options.experiments:
         return _experiments(options)
-    plans = draw_plans(options.scenarios, options.seed)
+    plans = [plan for seed in options.seed for plan in draw_plans(options.scenarios, seed)]
     if options.kind:
-        plans = [
-            Plan(number, options.seed, plan.arm, (options.kind,), options.size, plan.scatter)
-            for number, plan in enumerate(plans)
-        ]
+        plans = [Plan(plan.number, plan.seed, plan.arm, (options.kind,), options.size, plan.scatter) for plan in plans]
     plans = [replace(plan, seconds=options.seconds) for plan in plans]
     results: list[Judgement] = []
     finder = by_command if options.command else in_process
@@ -50,7 +47,7 @@ def main() -> int:
 
 def _experiments(options: argparse.Namespace) -> int:
     """Of ``--experiments`` scenarios with one cause each, what designed motions decide of the ambiguous ones."""
-    drawn = draw_plans(4 * options.experiments, options.seed)
+    drawn = [plan for seed in options.seed for plan in draw_plans(4 * options.experiments, seed)]
     plans = [plan for plan in drawn if len(plan.kinds) == 1 and plan.kinds[0] in CATALOGUE][: options.experiments]
     if options.arm:
         plans = [replace(plan, arm=options.arm) for plan in plans]
@@ -72,8 +69,10 @@ def _experiments(options: argparse.Namespace) -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.campaign", description=__doc__)
-    parser.add_argument("--scenarios", type=int, default=200, help="how many (200)")
-    parser.add_argument("--seed", type=int, default=1, help="of every draw (1)")
+    parser.add_argument("--scenarios", type=int, default=200, help="how many of each seed (200)")
+    parser.add_argument(
+        "--seed", type=int, nargs="+", default=[1], help="of every draw; several are tallied as one (1)"
+    )
     parser.add_argument("--processes", type=int, default=2, help="at the same time (2)")
     parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
     parser.add_argument("--arm", choices=ARMS, help="with --experiments: this arm alone")

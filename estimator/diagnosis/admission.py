@@ -17,7 +17,7 @@ LEAST_SEEN = 0.01
 """Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
 RECURRING = 0.75
-"""Of what a cause explains, the share that must be there with the angles of another playing."""
+"""Of what a cause explains, the share that must be there with angles that have other errors."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _TRIED = 4

@@ -35,7 +35,7 @@ class Exchange:
     """The share of what a law explains that counts as there, where next to nothing of its columns is."""
 
     def among(self, design: Design) -> Block:
-        """The products of a design's columns with each other, of one playing, and with the residuals of another."""
+        """The products of a design's columns with each other, and with residuals that have other errors."""
         return total(sum_up(design, self.pieces, self.decimations, self.noise))
 
 

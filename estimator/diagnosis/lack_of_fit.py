@@ -37,7 +37,7 @@ class Misfit:
     false_alarm: float
     """Probability that chance makes any map of any joint as surprising."""
     recurring: float = 1.0
-    """How much of it is there with the angles of another playing (`Scores.recurring`)."""
+    """How much of it is there with angles that have other errors (`Scores.recurring`)."""
 
     @property
     def told(self) -> bool:
