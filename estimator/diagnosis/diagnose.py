@@ -280,7 +280,7 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
     if len(off) > 1:
         notes.append(
             f"the links of {', '.join(given.joints[k] for k in off)} are all off by more than the tolerance of "
-            f"{100.0 * tolerance:.2g} %: make sure that the model is this arm's"
+            f"{100.0 * tolerance:.2g} %: make sure that the model is this arm's, and its links known so well"
         )
     if judged.borne_out is not None:
         notes.append(
