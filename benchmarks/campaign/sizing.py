@@ -111,14 +111,14 @@ SizeAt = Callable[[float], float]
 
 
 def amplitude_for(cause: Cause, wanted: float, size_at: SizeAt) -> tuple[float, float] | None:
-    """Amplitude and size where the cause is ``wanted`` times the noise; None where its limit leaves it far smaller, or
-    what comes with it, as a shaft's elasticity with its play, is far larger."""
+    """Amplitude and size where the cause is ``wanted`` times the noise; None where its limits leave it far smaller or
+    larger, or what comes with it, as a shaft's elasticity with its play, is far larger."""
     amplitude = cause.start
     size = size_at(amplitude)
     for _ in range(2):
         if size <= 0.0 or not np.isfinite(size):
             return None
-        nearer = min(amplitude * wanted / size, cause.limit)
+        nearer = float(np.clip(amplitude * wanted / size, cause.least, cause.limit))
         step = nearer / amplitude
         if 1.0 / FAR < step < FAR:
             size *= step

@@ -63,7 +63,7 @@ def elasticity(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
     inertia = _rotor_of(arm, joint)
     if inertia is None:
         return None
-    start = 1.0 / (inertia * (2 * np.pi * 12.0) ** 2)
+    start, least = (1.0 / (inertia * (2 * np.pi * resonance) ** 2) for resonance in (12.0, 80.0))
     return Cause(
         "joint_elasticity",
         named("joint_elasticity", joint),
@@ -77,6 +77,7 @@ def elasticity(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
         9 * start,
         lambda a: {"stiffness": 1.0 / a},
         taken_from_link={joint: inertia},
+        least=least,
     )
 
 

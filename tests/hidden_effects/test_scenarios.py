@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks.campaign.arms import ARMS, true_arm
-from benchmarks.campaign.cause import merged
+from benchmarks.campaign.cause import Cause, merged, named
 from benchmarks.campaign.motions import draw_playlist
 from benchmarks.campaign.playing import Run, play
 from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
-from benchmarks.campaign.sizing import BAND_HZ, finely_counted, folded_rms, noise_rms, unexplained
+from benchmarks.campaign.sizing import BAND_HZ, amplitude_for, finely_counted, folded_rms, noise_rms, unexplained
 from config.motion import check_motion
 from driver.recording import read_recording
 from virtual_hw.hidden import HiddenMechanics
@@ -82,6 +82,20 @@ def test_the_effect_has_the_wanted_size(staged: Staged) -> None:
     (cause,) = staged.truth.causes
     assert cause.size == pytest.approx(SHORT.size, rel=0.02)
     assert cause.parameters == {"level": cause.amplitude}
+
+
+def test_what_the_plant_cannot_step_or_the_arm_not_bear_is_not_staged() -> None:
+    cause = Cause("elastic", named("joint_elasticity", "joint1"), lambda a: {}, start=1.0, limit=4.0, least=0.1)
+    assert amplitude_for(cause, 1.0, lambda a: a / 2.0) == (2.0, 1.0)
+    asked: list[float] = []
+
+    def too_large(amplitude: float) -> float:
+        asked.append(amplitude)
+        return 1000.0 * amplitude
+
+    assert amplitude_for(cause, 1.0, too_large) is None
+    assert min(asked) == cause.least
+    assert amplitude_for(cause, 1.0, lambda a: 0.01 * a) is None
 
 
 def test_noise_as_recorded_is_the_sensors_and_what_folds_into_the_band() -> None:
