@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -10,7 +11,7 @@ from benchmarks.campaign.arms import true_arm
 from benchmarks.campaign.finding import Finder
 from benchmarks.campaign.judging import Judgement, judge
 from benchmarks.campaign.scenario import Plan, stage
-from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
+from benchmarks.campaign.sealing import ANSWER, QUESTION, Envelope, Question, found_sealed, seal
 from benchmarks.campaign.wire import sealed_over_the_wire
 
 TACHOMETERS = frozenset({"dda"})
@@ -24,11 +25,18 @@ def judged(plan: Plan, finder: Finder, kept: Path | None = None, wire: bool = Fa
     """
     with tempfile.TemporaryDirectory(prefix="etude-campaign-") as name:
         folder = Path(name) if kept is None else kept / (plan.name + "-wire" * wire)
-        question, envelope = found_sealed(folder) or (sealed_over_the_wire if wire else sealed)(plan, folder)
+        question, envelope = found_sealed(folder) or _anew(plan, folder, wire)
         begin = time.perf_counter()
         answer = finder(question)
         seconds = time.perf_counter() - begin
         return judge(envelope.open(), answer, seconds)
+
+
+def _anew(plan: Plan, folder: Path, wire: bool) -> tuple[Question, Envelope]:
+    """Whatever an interrupted run left there is no scenario."""
+    for part in (QUESTION, ANSWER):
+        shutil.rmtree(folder / part, ignore_errors=True)
+    return (sealed_over_the_wire if wire else sealed)(plan, folder)
 
 
 def sealed(plan: Plan, folder: Path) -> tuple[Question, Envelope]:

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.campaign import campaign
 from benchmarks.campaign.arms import ARMS, true_arm
 from benchmarks.campaign.cause import Cause, merged, named
+from benchmarks.campaign.finding import in_process
 from benchmarks.campaign.motions import draw_playlist
 from benchmarks.campaign.playing import Run, play
 from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
@@ -149,6 +151,21 @@ def test_an_envelope_gives_back_what_was_put_in(staged: Staged, sealed: tuple[Qu
 def test_a_kept_scenario_is_found_again(sealed: tuple[Question, Envelope], tmp_path: Path) -> None:
     assert found_sealed(sealed[0].folder.parent) == sealed
     assert found_sealed(tmp_path) is None
+
+
+def test_a_scenario_that_was_cut_off_is_staged_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    left = tmp_path / SHORT.name / QUESTION / "arm.urdf"
+    left.parent.mkdir(parents=True)
+    left.touch()
+    monkeypatch.setattr(campaign, "stage", cut_off)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            campaign.judged(SHORT, in_process, kept=tmp_path)
+    assert not left.exists()
+
+
+def cut_off(plan: Plan, folder: Path) -> Staged:
+    raise KeyboardInterrupt
 
 
 def test_an_envelope_that_was_changed_is_not_believed(staged: Staged, tmp_path: Path) -> None:
