@@ -62,7 +62,7 @@ class Contact(Effect):
         return np.vstack([np.stack(times, axis=1), *walls])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        if theta[0] > 0.5 * (TIME + PLACE):
+        if _is_wall(theta):
             normal, distance = _plane(theta)
             depth = np.maximum(signals.tip @ normal - distance, 0.0)
             return np.asarray((depth[:, None] * (signals.reach @ normal))[:, :, None])
@@ -72,12 +72,12 @@ class Contact(Effect):
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         """A wall does not pull."""
-        if theta[0] == PLACE:
+        if _is_wall(theta):
             return np.zeros(1), np.full(1, np.inf)
         return np.full(3, -np.inf), np.full(3, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        if len(coefficients) == 1:
+        if _is_wall(theta):
             normal, distance = _plane(theta)
             return {"where": distance * normal, "force": -float(coefficients[0]) * normal}
         return {"where": np.array(theta[1:3]), "force": np.array(coefficients)}
@@ -92,14 +92,20 @@ class Contact(Effect):
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         theta, coefficients = self.unknowns(place, parameters)
-        if _at_place(parameters):
+        if _is_wall(theta):
             normal, distance = _plane(theta)
             plant.walls.append(Wall(normal, distance, float(coefficients[0])))
         else:
             plant.pushes.append(Push(coefficients, float(theta[1]), float(theta[2])))
 
 
+def _is_wall(theta: Array) -> bool:
+    """What lies between the kinds, as when an error is propagated, is the nearer one."""
+    return bool(theta[0] > 0.5 * (TIME + PLACE))
+
+
 def _at_place(parameters: Parameters) -> bool:
+    """A time is two numbers, a place three."""
     return np.size(parameters["where"]) == 3
 
 

@@ -64,7 +64,7 @@ class Payload(Effect):
         mass = float(coefficients[0])
         centre = coefficients[1:4] / mass if mass > 0.0 else np.zeros(3)
         told: dict[str, float | Array] = {"mass": mass, "centre": centre}
-        if len(coefficients) == 10:
+        if _bulky(theta):
             told["inertia"] = coefficients[4:] - mass * unit_mass_at(centre)
         return told
 
