@@ -11,17 +11,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from config import InputError
 from config.text_file import read_text
 from estimator.arm_model import ArmModel, FittedEffect, identified_model
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.quantities import unit_of
-from estimator.effects import Place, effect
+from estimator.effects import Effect, Parameters, Place, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody, load_rigid_body
 from service.identification.recorded import Source
@@ -52,6 +52,12 @@ class Parameter(_Section):
     value: Number
     standard_error: Number | None = None
     unit: str
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> Self:
+        if self.standard_error is not None and np.shape(self.standard_error) != np.shape(self.value):
+            raise ValueError("value and standard_error have not as many numbers")
+        return self
 
 
 class EffectEntry(_Section):
@@ -181,7 +187,7 @@ def read_model(path: Path) -> ModelFile:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(str(path), f"{key}: {first['msg']}", REMEDY) from None
+        raise InputError(str(path), f"{key}: {first['msg'].removeprefix('Value error, ')}", REMEDY) from None
 
 
 def model_text(file: ModelFile) -> str:
@@ -248,8 +254,22 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     if other is not None:
         parameters["joint_other"] = float(other)
     errors = {key: _value(one.standard_error) for key, one in entry.parameter.items() if one.standard_error is not None}
+    _complete(found, place, parameters)
     shape = None if entry.shape is None else np.array(entry.shape)
     return FittedEffect(entry.name, place, parameters, errors, shape)
+
+
+def _complete(found: Effect, place: Place, parameters: Parameters) -> None:
+    """Raises InputError where a parameter is missing, or has not as many numbers as the effect takes."""
+    try:
+        taken = found.parameters(place, *found.unknowns(place, parameters))
+    except KeyError as missing:
+        raise InputError(f"effect {found.name}", f"lacks {missing.args[0]!r}", REMEDY) from None
+    except (ValueError, TypeError, IndexError):
+        raise InputError(f"effect {found.name}", "its parameters have too few or too many numbers", REMEDY) from None
+    wrong = next((key for key, value in parameters.items() if np.size(value) != np.size(taken.get(key, value))), None)
+    if wrong is not None:
+        raise InputError(f"effect {found.name}", f"{wrong!r} has too few or too many numbers", REMEDY)
 
 
 def _error(errors: Mapping[str, Any], key: str) -> Number | None:

@@ -105,6 +105,7 @@ EXTENDED = [
     FittedEffect("payload", Place(), {"mass": 2.0, "centre": np.array([0.1, 0.0, 0.2])},
                  {"mass": 0.1, "centre": np.array([0.01, 0.01, 0.02])}),
     FittedEffect("transport_delay", Place(channel="torque"), {"delay": 0.004}),
+    FittedEffect("contact", Place(), {"where": np.array([0.1, 0.0, 0.0]), "force": np.array([-9.0, 0.0, 0.0])}),
 ]  # fmt: skip
 
 
@@ -135,6 +136,11 @@ def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: Mod
         ('name = "payload"', 'name = "gremlins"', "not in the catalogue"),
         ("parameter.mass", "parameter.weight", "no 'weight'"),
         ("joint3 = [", "joint3 = [1.0, ", "ten numbers"),
+        ("parameter.breakaway", "parameter.level", "TOML"),
+        ('parameter.delay = { "value" = 0.004, "unit" = "s" }', "", "lacks 'delay'"),
+        ('"value" = [0.1, 0.0, 0.2]', '"value" = [0.1, 0.2]', "not as many numbers"),
+        ('"value" = [-9.0, 0.0, 0.0]', '"value" = [-9.0, 0.0]', "too few or too many numbers"),
+        ('"value" = [0.1, 0.0, 0.0]', '"value" = [0.1, 0.0, 0.0, 0.0]', "too few or too many numbers"),
     ],
 )
 def test_what_the_arm_cannot_have_is_refused(
@@ -146,6 +152,15 @@ def test_what_the_arm_cannot_have_is_refused(
     path.write_text(text.replace(found, put))
     with pytest.raises(InputError, match=said):
         arm_model(read_model(path))
+
+
+def test_units_are_those_of_what_is_told(extended: ModelFile) -> None:
+    """A push has times and a force, a wall a place and a stiffness."""
+    wall = {name: parameter.unit for name, parameter in extended.effect[-1].parameter.items()}
+    assert wall == {"where": "m", "force": "N/m"}
+    push = FittedEffect("contact", Place(), {"where": np.array([1.0, 2.0]), "force": np.array([1.0, 0.0, 0.0])})
+    (told,) = model_file("dda", ArmModel(load_rigid_body(URDF), (push,)), "made up", []).effect
+    assert {name: parameter.unit for name, parameter in told.parameter.items()} == {"where": "s", "force": "N"}
 
 
 def test_a_sliding_joint_s_effects_have_units_of_forces(tmp_path: Path) -> None:
