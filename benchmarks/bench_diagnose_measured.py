@@ -20,6 +20,7 @@ from benchmarks.measured.diagnosed import (
     findings_of,
     kinova_drives,
     kuka_diagnosed,
+    kuka_gears,
     number,
     odrive_diagnosed,
     panda_diagnosed,
@@ -101,12 +102,14 @@ def _odrive() -> list[Figure]:
 
 
 def _kuka() -> list[Figure]:
-    found = kuka_diagnosed()
+    found, gears = kuka_diagnosed(), kuka_gears()
     figures = []
     for joint, published in enumerate(STIFFNESS):
-        own = findings_of(found, "joint_elasticity", joint)
+        own = [f for f in gears if f.effect == "joint_elasticity" and f.place.joint == joint]
         value = number(own[0], "stiffness") if own else 0.0
         figures.append(Figure(f"diagnosed_kuka_stiffness_{joint + 1}", value, "N·m/rad", "published", published))
+    late = [number(f, "delay") for f in gears if f.effect == "transport_delay" and f.place.joint is None]
+    figures.append(Figure("diagnosed_kuka_link_angles_late", 1e3 * sum(late), "ms", "none published", None))
     spring = float(len(findings_of(found, "joint_spring", 1)))
     return [*figures, Figure("diagnosed_kuka_counterbalance", spring, "named", "published", 1.0), *_sum("kuka", found)]
 

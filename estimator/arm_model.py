@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.answer import MOTOR, Diagnosis
+from estimator.diagnosis.answer import GEAR, MOTOR, Diagnosis
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
@@ -119,7 +119,8 @@ class InverseModel:
 def diagnosed_model(body: RigidBody, found: Diagnosis) -> ArmModel:
     """The given model with the links' deviations within their tolerance and the effects that a diagnosis found.
 
-    What lies between a motor and its joint's torque sensor is no part of the torque that the sensor measures.
+    What lies between a motor and its joint's torque sensor is no part of the torque that the sensor measures, and what
+    lies between two encoders none of the torque along the angle that the model is told.
     """
     base = base_parameters(body)
     deviation = np.linalg.pinv(base.combination) @ found.base_deviation
@@ -132,7 +133,7 @@ def diagnosed_model(body: RigidBody, found: Diagnosis) -> ArmModel:
             finding.shape,
         )
         for finding in found.findings
-        if finding.place.channel != MOTOR
+        if finding.place.channel not in (MOTOR, GEAR)
     ]
     return ArmModel(body.with_parameters(body.prior() + deviation), tuple(effects))
 

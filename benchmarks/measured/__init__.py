@@ -1,6 +1,7 @@
 """Recordings that others measured, as what Étude reads: adaptors, one a data set, that convert on reading."""
 
 from collections.abc import Callable
+from functools import partial
 
 from benchmarks.measured.dataset import MeasuredArm, is_here, write_files
 from benchmarks.measured.emps import emps
@@ -13,7 +14,7 @@ ADAPTORS: dict[str, Callable[[], MeasuredArm]] = {
     "emps": emps,
     "franka_panda": panda,
     "kinova_gen3": kinova,
-    "kuka_kr300": kuka,
+    "kuka_kr300": partial(kuka, "link"),
     "odrive_cogging": odrive,
 }
 """By the folder of the data set."""

@@ -43,6 +43,9 @@ class MeasuredArm:
     held_out: tuple[str, ...] = ()
     motors: dict[str, Array] = field(default_factory=dict)
     """(samples, n) N·m at the joints by the motors' currents, of recordings whose torques are those of sensors."""
+    motor_angles: dict[str, Array] = field(default_factory=dict)
+    """(samples, n) rad at the joints by the motors' encoders, of recordings whose angles are those of encoders behind
+    the gears; NaN of joints without."""
 
     @property
     def body(self) -> RigidBody:
@@ -71,6 +74,10 @@ def write_files(arm: MeasuredArm, directory: Path) -> Iterator[Path]:
         present = {quantity: values for quantity, values in quantities.items() if values is not None}
         header = ["t", *(f"{quantity}_{joint}" for quantity in present for joint in joints)]
         table = np.column_stack([trajectory.t, *present.values()])
+        if (angles := arm.motor_angles.get(name)) is not None:
+            told = np.flatnonzero(np.isfinite(angles).any(axis=0))
+            header += [f"q_motor_{joints[k]}" for k in told]
+            table = np.column_stack([table, angles[:, told]])
         path = directory / f"{name}.csv"
         np.savetxt(path, table[np.isfinite(table).all(axis=1)], "%.12g", ",", header=",".join(header), comments="")
         yield path

@@ -17,6 +17,7 @@ from benchmarks.measured.panda import panda
 from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.drives import judge_drives
+from estimator.diagnosis.gears import judge_gears
 
 SLOW_SWEEP = "odrive_slow2_slower_nocomp_0"
 """One turn in 33 s. Faster sweeps begin with a leap back to zero at 80 rad/s, which a cogging torque is nothing to."""
@@ -52,6 +53,12 @@ def kinova_drives() -> tuple[Finding, ...]:
     sensors = list(arm.recordings.values())
     motors = [replace(sensor, tau=arm.motors[name]) for name, sensor in arm.recordings.items()]
     return judge_drives(arm.body, motors, sensors).findings
+
+
+def kuka_gears() -> tuple[Finding, ...]:
+    """Between the encoders of the motors and those on the links, of axes 1–3."""
+    arm = kuka("link")
+    return judge_gears(arm.body, list(arm.recordings.values()), list(arm.motor_angles.values())).findings
 
 
 def findings_of(found: Diagnosis, effect: str, joint: int | None = None) -> list[Finding]:

@@ -35,11 +35,18 @@ AngleSide = Literal["link", "motor"]
 
 
 def kuka(angles: AngleSide = "motor") -> MeasuredArm:
-    """Torques at the joints: those of the motors times the gears. ``angles`` of axes 1–3 by the encoders on the links
-    or by those on the motors; axes 4–6 have the latter only."""
+    """Torques at the joints: those of the motors times the gears. ``angles`` of axes 1–3 by the encoders on the links,
+    those of the motors beside them, or by the motors' alone; axes 4–6 have the latter only."""
     urdf = urdf_of_standard_dh("kuka_kr300", TABLE, LIMITS, turned_about_x(np.pi))
     recordings = {f"kuka_{letter}": _recording(letter, angles) for letter in "ABC"}
-    return MeasuredArm("kuka", urdf, recordings, held_out=("kuka_C",))
+    beside = {f"kuka_{letter}": _motor_angles(letter) for letter in "ABC"} if angles == "link" else {}
+    return MeasuredArm("kuka", urdf, recordings, held_out=("kuka_C",), motor_angles=beside)
+
+
+def _motor_angles(letter: str) -> Array:
+    result = _recording(letter, "motor").q.copy()
+    result[:, 3:] = np.nan
+    return result
 
 
 def _recording(letter: str, angles: AngleSide) -> Trajectory:

@@ -1,7 +1,8 @@
 """Recordings as CSV: ``t,q_<joint>…,dq_<joint>…,tau_<joint>…[,fx,fy,fz,nx,ny,nz]`` in SI units, one row a sample.
 
 Where the joints have torque sensors, ``tau_…`` is theirs, and ``tau_motor_<joint>…`` may hold the torques of the motors
-by their currents, at the joints.
+by their currents, at the joints. Where joints have encoders on both sides of their gears, ``q_…`` is of those behind
+them, and ``q_motor_<joint>…`` may hold the angles of those joints' motors, at the joints.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from driver.recording.recording import Array, Recording, find_gaps
 WRENCH_COLUMNS = ("fx", "fy", "fz", "nx", "ny", "nz")
 QUANTITIES = ("q", "dq", "tau")
 MOTOR = "tau_motor"
+MOTOR_ANGLE = "q_motor"
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -32,12 +34,19 @@ class _Header:
         return [self.names.index(name) for name in wanted] if wanted[0] in self.names else None
 
     @property
+    def motor_angles(self) -> dict[int, int]:
+        """By joint the column of its motor's angle."""
+        named = {k: f"{MOTOR_ANGLE}_{joint}" for k, joint in enumerate(self.joints)}
+        return {k: self.names.index(name) for k, name in named.items() if name in self.names}
+
+    @property
     def wrench(self) -> list[int] | None:
         return [self.names.index(name) for name in WRENCH_COLUMNS] if "fx" in self.names else None
 
 
 def read_csv(path: Path) -> Recording:
-    """Read a CSV recording. ``dq_…``, ``tau_…``, ``tau_motor_…`` and the wrench may be absent, each as a whole.
+    """Read a CSV recording. ``dq_…``, ``tau_…``, ``tau_motor_…`` and the wrench may be absent, each as a whole,
+    ``q_motor_…`` of some joints or all.
 
     Raises InputError with line and column: wrong or missing columns, text, NaN, time that does not increase, gaps.
     """
@@ -68,10 +77,21 @@ def read_csv(path: Path) -> Recording:
         dq=part(header.columns("dq")),
         tau=part(header.columns("tau")),
         tau_motor=part(header.columns(MOTOR)),
+        q_motor=_motor_angles(table, header),
         wrench_t=None if wrench is None else np.ascontiguousarray(t),
         wrench=wrench,
         notes=tuple(notes),
     )
+
+
+def _motor_angles(table: Array, header: _Header) -> Array | None:
+    """(samples, joints) rad, NaN for a joint without."""
+    own = header.motor_angles
+    if not own:
+        return None
+    result = np.full((len(table), len(header.joints)), np.nan)
+    result[:, list(own)] = table[:, list(own.values())]
+    return result
 
 
 def _header(path: Path, line: str) -> _Header:
@@ -87,7 +107,8 @@ def _header(path: Path, line: str) -> _Header:
             raise InputError(f"{place}, column {number}", f"{name!r} is there twice", "remove one")
         if number > 1 and name not in WRENCH_COLUMNS and not re.fullmatch(r"(q|dq|tau)_.+", name):
             raise InputError(f"{place}, column {number}", f"{name!r} is no column of a recording", expected)
-    joints = tuple(name[2:] for name in names if name.startswith("q_"))
+    angles = [name for name in names if name.startswith("q_")]
+    joints = tuple(name[2:] for name in angles if f"q_{name.removeprefix(MOTOR_ANGLE + '_')}" not in angles)
     if not joints:
         raise InputError(place, "there is no column q_<joint>", expected)
     motors = {name for name in names if name.startswith(f"{MOTOR}_") and name.removeprefix("tau_") not in joints}
@@ -196,6 +217,10 @@ def write_csv(recording: Recording, path: Path) -> LeftOut:
             continue
         names += WRENCH_COLUMNS if quantity == "wrench" else [f"{quantity}_{joint}" for joint in recording.joints]
         columns.append(values)
+    if recording.q_motor is not None:
+        told = np.flatnonzero(np.isfinite(recording.q_motor).any(axis=0))
+        names += [f"{MOTOR_ANGLE}_{recording.joints[k]}" for k in told]
+        columns.append(recording.q_motor[:, told])
     table = np.hstack(columns)
     whole = np.isfinite(table).all(axis=1)
     try:

@@ -69,6 +69,8 @@ class Recording:
     """What a reader should be told: gaps, ignored messages, absent channels."""
     tau_motor: Array | None = None
     """N·m at the joint by the motor's current, where ``tau`` is that of a sensor behind the gear."""
+    q_motor: Array | None = None
+    """rad at the joint by the motor's encoder, where ``q`` is that of one behind the gear; NaN of joints without."""
 
     @property
     def period(self) -> float:

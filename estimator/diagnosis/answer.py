@@ -19,6 +19,8 @@ Verdict = Literal["clean", "named", "ambiguous", "unknown"]
 Status = Literal["named", "ambiguous"]
 MOTOR = "motor"
 """The channel of a finding between a motor and its joint's torque sensor."""
+GEAR = "gear"
+"""The channel of a finding between the encoders on both sides of a gear."""
 
 
 @dataclass(frozen=True)
@@ -121,3 +123,5 @@ class Diagnosis:
     """(rank,) by how much the base parameters differ from the given model's, within its tolerance."""
     drive_residual: Mapping[int, Residual] = field(default_factory=dict)
     """By joint, what its motor spends beside the torque that its sensor reads, where both were recorded."""
+    gear_residual: Mapping[int, Residual] = field(default_factory=dict)
+    """By joint, what its motor's angle is ahead of the one behind the gear, where both were recorded: rad; m."""

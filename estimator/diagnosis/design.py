@@ -202,7 +202,7 @@ class _Sink:
 def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
     """Channel and (columns, samples), each channel's in the order of its members."""
     kept, sign = np.array(design.base.kept, dtype=np.intp), design.base.sign
-    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq}
+    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq, "deflection": signals.dq}
     for number, (channel, reached) in enumerate(zip(design.channels, design.reached, strict=True)):
         if channel.equation == "torque":
             yield number, (signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T

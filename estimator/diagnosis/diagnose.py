@@ -115,12 +115,11 @@ def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list
     chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
     left[left < VISIBLE] = 0.0
-    channel_of = {scores.design.channels[k].index: k for k in torque_channels(scores.design)}
     if widest is not scores:
         widest.reweigh(chosen)
-    for joint, misfit in misfits(widest, chosen).items():
+    for channel, misfit in misfits(widest, chosen).items():
         if misfit.told:
-            left[channel_of[joint]] = max(left[channel_of[joint]], misfit.variance)
+            left[channel] = max(left[channel], misfit.variance)
     result = []
     for cause in causes:
         channels = list(scores.design.candidates[cause.candidate].channels)

@@ -16,17 +16,15 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
-from estimator.diagnosis.answer import MOTOR, Diagnosis, Finding, Residual
+from estimator.diagnosis.answer import MOTOR, Diagnosis
+from estimator.diagnosis.beside import at_channel, put_beside, residuals
 from estimator.diagnosis.design import Design, Hypothesis, make_design
-from estimator.diagnosis.diagnose import Judged, judge, verdict
+from estimator.diagnosis.diagnose import Judged, judge
 from estimator.diagnosis.evidence import EXACT, Evidence, weighed
-from estimator.diagnosis.grams import total
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER
 from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power
 from estimator.diagnosis.tolerance import timing_precision
-from estimator.diagnosis.torques import plain_blocks, residual_power
-from estimator.diagnosis.traces import signatures
 from estimator.effects import Place, Scales, Signals, catalogue
 from estimator.filtering import plan_filter, resample
 from estimator.repeats import find_repeats
@@ -46,25 +44,7 @@ def with_drives(
     when no joint has both torques.
     """
     judged = judge_drives(body, motors, sensors)
-    evidence, refined = judged.evidence, judged.refined
-    rows = total(plain_blocks(refined.design, evidence.pieces, evidence.decimations))
-    before = np.sqrt(residual_power(refined.design, rows, np.zeros(refined.design.size)))
-    after = np.sqrt(residual_power(refined.design, rows, refined.value))
-    residuals = {
-        channel.index: Residual(
-            float(before[k]), float(after[k]), float(evidence.noise.likely[k]), body.axes[channel.index].torque_unit
-        )
-        for k, channel in enumerate(evidence.grid.channels)
-    }
-    drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, body.joints)
-    findings = (*found.findings, *judged.findings)
-    return replace(
-        found,
-        verdict=verdict(findings, found.unexplained),
-        findings=findings,
-        drive_residual=residuals,
-        traces=replace(found.traces, signatures=(*found.traces.signatures, *drawn)),
-    )
+    return replace(put_beside(found, judged), drive_residual=residuals(judged))
 
 
 def judge_drives(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> Judged:
@@ -72,15 +52,7 @@ def judge_drives(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequenc
     for one, other in zip(motors, sensors, strict=True):
         if one.q.shape != other.q.shape or not np.array_equal(one.t, other.t):
             raise InputError(one.name, f"is not the recording {other.name}", "give both torques of one motion")
-    judged = judge(_gathered(body, motors, sensors))
-    return replace(judged, findings=tuple(_in_drive(finding) for finding in judged.findings))
-
-
-def _in_drive(finding: Finding) -> Finding:
-    """A finding with its place, and those of its alternatives, in the drive; no motion is designed for it."""
-    rivals = tuple(replace(a, place=replace(a.place, channel=MOTOR)) for a in finding.rivals)
-    near = tuple(replace(a, place=replace(a.place, channel=MOTOR)) for a in finding.alternatives)
-    return replace(finding, place=replace(finding.place, channel=MOTOR), alternatives=near, rivals=rivals, contest=None)
+    return at_channel(judge(_gathered(body, motors, sensors)), MOTOR)
 
 
 def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> Evidence:

@@ -28,7 +28,7 @@ _TOLD = 1e-9
 
 @dataclass(frozen=True)
 class Misfit:
-    """The most surprising dependence of one joint's torque residual."""
+    """The most surprising dependence of one channel's residual."""
 
     candidate: int
     """The map."""
@@ -46,7 +46,7 @@ class Misfit:
 
 
 def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
-    """By joint, what the chosen candidates leave to a map."""
+    """By channel, what the chosen candidates leave to a map."""
     maps = [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
     model, design = scores.model(chosen), scores.design
     found: dict[int, list[Misfit]] = defaultdict(list)
@@ -56,8 +56,8 @@ def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
         (channel,) = design.candidates[k].channels
         chance = -np.expm1(-len(maps) * _DEPTHS * np.exp(-surprise))
         variance = 2.0 * gain / (scores.weights[channel] * scores.total.rows)
-        found[design.channels[channel].index].append(Misfit(k, float(variance), float(chance)))
-    return {joint: _most_surprising(scores, chosen, own) for joint, own in found.items()}
+        found[channel].append(Misfit(k, float(variance), float(chance)))
+    return {channel: _most_surprising(scores, chosen, own) for channel, own in found.items()}
 
 
 def _most_surprising(scores: Scores, chosen: list[int], found: list[Misfit]) -> Misfit:

@@ -24,7 +24,7 @@ _OF_NUMBERS = 1.0 / 3.0
 """Of the tolerance, the standard deviation of the numbers in a URDF: none is off by more than that."""
 _SQUARES = [0, 3, 5]
 """xx, yy and zz among xx xy xz yy yz zz."""
-_TIMING = {"torque": 0.25, "velocity": 0.4}
+_TIMING = {"torque": 0.25, "velocity": 0.4, "deflection": 0.05}
 """Of a sample: standard deviation of each channel's timing against the angles', which no recording tells exactly (a
 speed counted between two samples belongs between them) …"""
 _LEAST_TIMING = 0.5e-3

@@ -178,7 +178,7 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
     where: Channel = refined.design.channels[channel]
     body = refined.design.body
     said = _said(body, where.equation, where.index, names)
-    unit = body.axes[where.index].unit("N·m" if where.equation == "torque" else "rad/s")
+    unit = unit_of_channel(body, where)
     against = hypothesis.effect.seen_against
     joint = hypothesis.place.joint
     if against == "law" or (joint is None and against != "t"):
@@ -194,6 +194,11 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
         x_unit = body.axes[joint].unit(_UNITS[against])
     few = slice(None, None, max(1, len(whole) // _CURVE))
     return Signature(quantity, x_unit, said, unit, x, measured, law, whole[few], curve[few])
+
+
+def unit_of_channel(body: RigidBody, channel: Channel) -> str:
+    """Of a channel of a joint; a sliding joint's are those of a slide."""
+    return body.axes[channel.index].unit({"torque": "N·m", "velocity": "rad/s", "deflection": "rad"}[channel.equation])
 
 
 def _said(body: RigidBody, word: str, joint: int, names: Sequence[str]) -> str:

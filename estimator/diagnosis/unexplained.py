@@ -30,7 +30,7 @@ def unexplained_by(evidence: Evidence, scores: Scores, refined: Refined, chosen:
     result = {}
     for channel in torque_channels(evidence.design):
         joint = evidence.grid.channels[channel].index
-        misfit = found[joint]
+        misfit = found[channel]
         # An assumed noise has an assumed colour: within it no pattern is more than that.
         told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
         # A noise that is less than it was taken for is at most what such a pattern leaves.

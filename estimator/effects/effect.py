@@ -7,6 +7,8 @@ fixed:
     velocity:  dq_measured  = dq                    + columns(theta) · coefficients
     wrench:    f_measured   = load's wrench         + columns(theta) · coefficients
 
+(A deflection is the difference of two angles, and has laws of its own: `estimator.diagnosis.gear_laws`.)
+
 An error of a sensor enters by the model's derivative with respect to that sensor (`Signals.by_angle_error`).
 Everything else (evidence, errors, confusion, the smallest size that would be seen) follows from the columns alone, so
 a new effect is a new file with one subclass of `Effect`. A `Law` is the part of it that a search for causes
@@ -30,7 +32,7 @@ from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
-Equation = Literal["torque", "velocity", "wrench"]
+Equation = Literal["torque", "velocity", "wrench", "deflection"]
 SeenAgainst = Literal["q", "dq", "ddq", "tau", "t", "law"]
 Parameters = Mapping[str, float | Array]
 """The catalogue's parameters by name: numbers, and vectors (a centre, a matrix row after row)."""

@@ -58,8 +58,7 @@ class TransportDelay(Effect):
         assert channel is not None
         if place.joint is not None:
             channel = channel[:, [place.joint]]
-        shifted = [np.interp(signals.t - by, signals.t, column) for column in channel.T]
-        return ((np.array(shifted).T - channel) / abs(by))[:, :, None]
+        return ((_late(signals.t, channel, by) - channel) / abs(by))[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.zeros(1), np.full(1, np.inf)
@@ -75,6 +74,14 @@ class TransportDelay(Effect):
         assert place.channel is not None
         joints = slice(None) if place.joint is None else place.joint
         plant.late.setdefault(place.channel, np.zeros(plant.body.n))[joints] += float(parameters["delay"])
+
+
+def _late(t: Array, x: Array, by: float) -> Array:
+    """(samples, c) of x (samples, c) ``by`` s before; what lies beyond the ends goes straight on."""
+    step = np.array([t[0] - abs(by), *t, t[-1] + abs(by)])
+    first, last = (x[1] - x[0]) / (t[1] - t[0]), (x[-1] - x[-2]) / (t[-1] - t[-2])
+    longer = np.vstack([x[0] - abs(by) * first, x, x[-1] + abs(by) * last])
+    return np.array([np.interp(t - by, step, column) for column in longer.T]).T
 
 
 EFFECT = TransportDelay()

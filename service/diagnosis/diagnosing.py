@@ -15,6 +15,7 @@ from estimator.arm_model import ArmModel, diagnosed_model
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.drives import with_drives
+from estimator.diagnosis.gears import with_gears
 from estimator.plausibility import missing_motions
 from service.diagnosis.experimenting import next_experiment, realised_gap
 from service.diagnosis.json_answer import as_json
@@ -80,16 +81,25 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
 
 
 def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
-    """The arm, and its drives where every recording to learn from has the torques of motors and sensors."""
+    """The arm; its drives where every recording to learn from has the torques of motors and sensors, and its gears
+    where every one has the angles on both sides."""
     result = diagnose(read.body, read.trajectories, read.hold_out, tolerance)
+    learnt = list(zip(read.trajectories, read.recordings, strict=False))
     motors = [
         replace(trajectory, tau=recording.tau_motor[:, read.body.columns(recording.joints)], unusable=None)
-        for trajectory, recording in zip(read.trajectories, read.recordings, strict=False)
+        for trajectory, recording in learnt
         if recording.tau_motor is not None
     ]
-    if len(motors) < len(read.trajectories):
-        return result
-    return with_drives(result, read.body, motors, read.trajectories)
+    if len(motors) == len(learnt):
+        result = with_drives(result, read.body, motors, read.trajectories)
+    angles = [
+        recording.q_motor[:, read.body.columns(recording.joints)]
+        for _, recording in learnt
+        if recording.q_motor is not None
+    ]
+    if len(angles) == len(learnt):
+        result = with_gears(result, read.body, read.trajectories, angles)
+    return result
 
 
 def _played(experiment: Mapping[str, Any], result: Diagnosis) -> dict[str, Any]:

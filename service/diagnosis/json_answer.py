@@ -25,6 +25,7 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
         },
         "torque_residual": {joint: _residual(r) for joint, r in zip(joints, diagnosis.torque_residual, strict=True)},
         "drive_residual": {joints[joint]: _residual(r) for joint, r in diagnosis.drive_residual.items()},
+        "gear_residual": {joints[joint]: _residual(r) for joint, r in diagnosis.gear_residual.items()},
         "gain": {
             "held_out_torque": {
                 "before_rms": diagnosis.held_out.before,

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimator.diagnosis.answer import MOTOR, Diagnosis, Finding, Quantity
+from estimator.diagnosis.answer import GEAR, MOTOR, Diagnosis, Finding, Quantity
 from estimator.effects import Place
 
 FEW = 5
@@ -70,10 +70,15 @@ def _told(parameters: Mapping[str, Quantity]) -> dict[str, Quantity]:
 
 
 def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:
-    """``joint elbow has``, or without the verb ``joint elbow``; of a drive ``the drive of joint elbow``."""
+    """``joint elbow has``, or without the verb ``joint elbow``; of a drive ``the drive of joint elbow``, likewise of a
+    gear."""
     if place.channel == MOTOR:
         inner = Place(place.joint, "motor torque" if place.joint is None else None)
         return ("" if place.joint is None else "the drive of ") + place_text(inner, joints, verb)
+    if place.channel == GEAR:
+        inner = Place(place.joint, "position" if place.joint is None else None)
+        whose = " behind the gears" if place.joint is None else ""
+        return ("" if whose else "the gear of ") + place_text(inner, joints, False) + whose + (" has" if verb else "")
     if place.joint is not None and place.other is not None:
         return f"joints {joints[place.joint]} and {joints[place.other]}" + (" have" if verb else "")
     if place.joint is not None:

@@ -25,6 +25,8 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
     shown.append(_residuals("torque residual, rms", answer["torque_residual"]))
     if drives := answer.get("drive_residual"):
         shown.append(_residuals("motor less sensor, rms", drives))
+    if gears := answer.get("gear_residual"):
+        shown.append(_residuals("angle of the motor less that behind the gear, rms", gears))
     held_out = answer["gain"]["held_out_torque"]
     share = held_out["share_of_explainable"]
     explained = "nothing beyond the noise" if share is None else f"{100 * share:.0f} % of what can be explained"
