@@ -1,14 +1,16 @@
-"""How well the links of the given model are known: within its tolerance, or better where the recordings bear them out.
+"""How well the given model is known: its links within their tolerance, its channels' timings within theirs, or better
+where the recordings bear them out.
 
 Links that are right to a hundredth of their tolerance wherever recordings tell them are not off by all of it in the one
-direction of a payload. The search is made under tolerances that are tighter by steps, and each answer has its evidence,
-log p(recordings | tolerance, causes): the links' deviations are integrated over their prior, of which a tighter one
-promises more and is believed when it keeps its promise (type II maximum likelihood; MacKay 1992).
+direction of a payload, and of drives whose torques are in time to a hundredth of a sample the one that is late by a
+fifth is late. The search is made under tolerances that are tighter by steps, and each answer has its evidence,
+log p(recordings | tolerance, causes): the deviations are integrated over their prior, of which a tighter one promises
+more and is believed when it keeps its promise (type II maximum likelihood; MacKay 1992).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +29,8 @@ Array = NDArray[np.float64]
 
 TIGHTER = (0.3, 0.1, 0.03, 0.01, 0.003)
 """Of the tolerance, to which links may be known that the recordings bear out."""
+PUNCTUAL = (0.3, 0.1, 0.03)
+"""Likewise of the tolerance of the channels' timings."""
 _FINELY = np.geomspace(1.0, TIGHTER[-1], 18)
 """Of the tolerance, among which each answer has the one that suits it best."""
 _MARGIN = -float(np.log(FALSE_ALARM))
@@ -49,7 +53,9 @@ class Searched:
     widest: Scores
     """Under the tolerance that was given."""
     borne_out: float | None = None
-    """The tolerance, where it is tighter than that one."""
+    """The tolerance of the links, where it is tighter than that one."""
+    punctual: bool = False
+    """Whether the channels' timings are known better than theirs."""
 
     @property
     def chosen(self) -> list[int]:
@@ -65,19 +71,35 @@ class Searched:
 
 
 def searched(evidence: Evidence) -> Searched:
-    """Searches the evidence for causes, under its own tolerance and under the tighter ones."""
-    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
+    """Searches the evidence for causes, under its own tolerances, then under tighter ones of the links and of the
+    channels' timings."""
+    design, tolerance = evidence.design, evidence.tolerance
+    scores = Scores(design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
     first = best = Searched(evidence, scores, Search(scores).run(), scores)
     # Where a link is off by more than its tolerance, the others are not taken to be exact.
-    if evidence.tolerance is None or "link_inertia" in first.effects:
-        return best
-    weights = first.scores.weights.copy()
-    precisions = [_precision(evidence.design, share * evidence.tolerance) for share in _FINELY]
+    if tolerance is not None and "link_inertia" not in first.effects:
+        best, share = _tightened(first, first, TIGHTER, lambda share: _precise(design, share * tolerance))
+        best = best if share is None else replace(best, borne_out=share * tolerance)
+    known = best.evidence.design
+    best, share = _tightened(best, first, PUNCTUAL, lambda share: _punctual(known, share))
+    return best if share is None else replace(best, punctual=True)
+
+
+def _tightened(
+    start: Searched, first: Searched, shares: Sequence[float], precision_of: Callable[[float], Array]
+) -> tuple[Searched, float | None]:
+    """The best supported answer, ``start`` or one under the precision of a share of a tolerance, and that share."""
+    best, best_share, weights = start, None, start.scores.weights.copy()
+    precisions = [precision_of(share) for share in _FINELY]
     most, own = _supports(best, precisions, weights).max(), _supports(best, precisions[:1], weights).max()
-    for share in TIGHTER:
-        tighter = share * evidence.tolerance
-        known = scores.known_to(_precision(evidence.design, tighter))
-        tried = Searched(replace(evidence, design=known.design), known, Search(known).run(), scores, tighter)
+    for share in shares:
+        known = start.scores.known_to(precision_of(share))
+        tried = replace(
+            best,
+            evidence=replace(start.evidence, design=known.design),
+            scores=known,
+            causes=Search(known).again(best.chosen),
+        )
         support = _supports(tried, precisions, weights).max()
         there = _supports(tried, [known.design.precision], weights).max()
         if tried.hypotheses == best.hypotheses:
@@ -85,10 +107,10 @@ def searched(evidence: Evidence) -> Searched:
         else:
             better = _believable(tried, first, share) and support > most + _margin(tried, best, share)
         if better:
-            best, most, own = tried, support, there
+            best, best_share, most, own = tried, share, support, there
         elif there < own - _HOPELESS:
             break
-    return best
+    return best, best_share
 
 
 def other_errors(evidence: Evidence) -> Exchange | None:
@@ -111,10 +133,17 @@ def _believable(tried: Searched, first: Searched, share: float) -> bool:
     return "link_inertia" not in new and (share <= _EXACT or "payload" not in new)
 
 
-def _precision(design: Design, tolerance: float) -> Array:
+def _precise(design: Design, tolerance: float) -> Array:
     """The design's precision with another tolerance of the links."""
     precision, rank = design.precision.copy(), design.base.rank
     precision[:rank, :rank] = base_precision(design.body, design.base, tolerance)
+    return precision
+
+
+def _punctual(design: Design, share: float) -> Array:
+    """The design's precision with the channels' timings known to a share of their tolerance."""
+    precision, rank = design.precision.copy(), design.base.rank
+    precision[rank:, rank:] /= share**2
     return precision
 
 

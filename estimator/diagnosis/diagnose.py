@@ -88,6 +88,8 @@ class Judged:
     """As wide as the given model's tolerance, where the links are known better (`accuracy`)."""
     borne_out: float | None
     """The tolerance that the recordings bear out, where it is tighter than the given one."""
+    punctual: bool
+    """Whether the channels' timings are borne out better than they are believed at first."""
     chosen: tuple[int, ...]
     """Candidates of the evidence's design."""
     refined: Refined
@@ -106,7 +108,7 @@ def judge(evidence: Evidence) -> Judged:
     if found.widest is not scores:
         found.widest.reweigh(chosen)
     findings = tuple(_finding(evidence, scores, refined, number, cause, causes) for number, cause in enumerate(causes))
-    return Judged(evidence, scores, found.widest, found.borne_out, chosen, refined, findings)
+    return Judged(evidence, scores, found.widest, found.borne_out, found.punctual, chosen, refined, findings)
 
 
 def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
@@ -285,6 +287,12 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
         notes.append(
             f"the links fit these recordings to {100.0 * judged.borne_out:.2g} %, where the tolerance is "
             f"{100.0 * tolerance:.2g} %: causes are judged by links that are as exact as that"
+        )
+    late = any(finding.effect == "transport_delay" for finding in judged.findings)
+    if judged.punctual and late:
+        notes.append(
+            "the other channels of these recordings are in time to a small part of a sample: what is late is judged by "
+            "that"
         )
     if not has_bodies(given):
         notes.append(

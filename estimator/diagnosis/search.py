@@ -69,6 +69,11 @@ class Search:
         chosen = self._telling(self._standing(self._pruned(chosen)))
         return self.judged(chosen)
 
+    def again(self, chosen: list[int]) -> list[Cause]:
+        """All causes, where these were all under other scores: they still are, unless one more is supported."""
+        self.scores.reweigh(chosen)
+        return self.judged(chosen) if next(self._steps(chosen), None) is None else self.run()
+
     def judged(self, chosen: Sequence[int]) -> list[Cause]:
         """These candidates with their evidence beside each other, the one with most first."""
         return sorted((self._judged(k, list(chosen)) for k in chosen), key=lambda cause: -cause.gain)

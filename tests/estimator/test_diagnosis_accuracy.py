@@ -108,3 +108,39 @@ def test_a_urdf_whose_numbers_are_off_is_within_the_tolerance_of_them(arm: str) 
         assert off @ precision @ off < 2.0 * base.rank
         directions, vectors = np.linalg.eigh(precision)
         assert np.max(np.abs(np.sqrt(directions) * (vectors.T @ off))) < 4.5
+
+
+@pytest.fixture(scope="module")
+def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Diagnoser:
+    """Drives whose torques are each late by a time of its own (s), sampled at 500 Hz."""
+
+    def make(skew: Array, seed: int = 1) -> Diagnosis:
+        random = np.random.default_rng(seed)
+        true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
+        recordings = []
+        for motion in range(3):
+            t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 500.0, 10 * seed + motion)
+            on_time = inverse_dynamics(six_axis, true, q, dq, ddq)
+            tau = np.array([np.interp(t - s, t, column) for s, column in zip(skew, on_time.T, strict=True)]).T
+            for _ in range(2):
+                measured = q + 1e-6 * random.normal(size=q.shape)
+                recordings.append(Trajectory(t, measured, tau + 0.2 * NOISE * random.normal(size=q.shape)))
+        return diagnose(six_axis, recordings)
+
+    return make
+
+
+def test_one_drive_that_is_late_among_punctual_ones_is_named(late: Diagnoser) -> None:
+    """By half a sample, as much as any channel may be off at first."""
+    found = late(np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0]))
+    (only,) = found.findings
+    assert (only.effect, only.place.joint, only.place.channel) == ("transport_delay", 2, "torque")
+    delay = only.parameters["delay"]
+    assert abs(float(delay.value) - 1e-3) < 4.0 * float(delay.standard_error)
+    assert any("in time to a small part of a sample" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("step", [1e-4, 2e-4])
+def test_drives_that_report_in_turn_are_none_of_them_late(late: Diagnoser, step: float) -> None:
+    """A bus carries one frame after the other."""
+    assert late(step * np.arange(6)).verdict == "clean"
