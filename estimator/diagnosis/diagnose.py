@@ -23,6 +23,7 @@ from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import AMBIGUOUS, Cause, Search
+from estimator.diagnosis.sharpening import sharpened
 from estimator.diagnosis.torques import (
     left_out_power,
     plain_blocks,
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 
 _SHOWN = 5
 """Alternatives that an answer lists."""
+_SHARPER = 2
+"""Times that a search is made anew with sharper laws."""
 _WORTH_TELLING = 0.12
 """Of the explainable: a smaller share that is left does not make the verdict unknown."""
 
@@ -98,10 +101,19 @@ class Judged:
 
 
 def judge(evidence: Evidence) -> Judged:
-    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave."""
+    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave; and
+    where their laws' shapes on the grid are not sharp enough, with those that fit best."""
     found = searched(evidence)
     if not evidence.noise.playings:
-        found = searched(by_what_is_left(evidence, found.scores, found.chosen))
+        evidence = by_what_is_left(evidence, found.scores, found.chosen)
+        found = searched(evidence)
+    for _ in range(_SHARPER):
+        scores = found.scores
+        causes, refined = _refined(found.evidence, scores, _explaining(scores, found.widest, found.causes))
+        sharp = sharpened(evidence, scores, [cause.candidate for cause in causes], refined)
+        if sharp is None:
+            break
+        evidence, found = sharp, searched(sharp)
     evidence, scores = found.evidence, found.scores
     causes, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.causes))
     chosen = tuple(cause.candidate for cause in causes)

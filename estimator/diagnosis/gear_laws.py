@@ -113,6 +113,9 @@ class Lateness(GearLaw):
     def places(self, body: RigidBody) -> list[Place]:
         return [Place(), *(super().places(body) if len(self.joints) > 1 else [])]
 
+    def timed(self, place: Place) -> int:
+        return -1
+
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return self.joints if place.joint is None else (place.joint,)
 

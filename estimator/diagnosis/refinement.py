@@ -21,6 +21,8 @@ _STEP = 1e-3
 """Of a non-linear parameter's span: step of the numerical derivative."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""
+_LEAST_DELAY, _LONGEST_DELAY = 1e-4, 0.1
+"""s"""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def refine(
 
     best: float = -np.inf
     step = np.zeros(0)
-    trial = candidates
+    trial = late = candidates
     for _ in range(_ITERATIONS):
         stepped = [*trial, *_neighbours(trial, spans)]
         wide, block = pass_over(stepped)
@@ -80,9 +82,10 @@ def refine(
         else:
             best, candidates = gain, trial
             step = _newton_step(wide, model, trial, spans)
-        if not np.any(np.abs(step) > 1e-9):
+            late = _late(wide, model.value, trial)
+        trial = _moved(candidates, late, step, spans)
+        if not any(np.any(np.abs(a.theta - b.theta) > 1e-9) for a, b in zip(trial, candidates, strict=True)):
             break
-        trial = _moved(candidates, step, spans)
     wide, block = pass_over([*candidates, *_neighbours(candidates, spans)])
     size = design.given + sum(len(c.columns) for c in candidates)
     whole = Conditional(wide, block, weights, np.arange(size))
@@ -95,9 +98,10 @@ def refine(
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:
-    """Least and largest theta of a candidate's grid; what is a choice stays as it is."""
+    """Least and largest theta of a candidate's grid; what is a choice, or a delay, has no span."""
     own = design.candidates[candidate]
-    choices = list(design.hypotheses[own.hypothesis].effect.choices)
+    hypothesis = design.hypotheses[own.hypothesis]
+    choices = [0] if hypothesis.effect.timed(hypothesis.place) else list(hypothesis.effect.choices)
     same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
     grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
     return grid.min(axis=0), grid.max(axis=0)
@@ -162,13 +166,32 @@ def _newton_step(
     return np.asarray(np.clip(step, -0.5 * widths, 0.5 * widths))
 
 
-def _moved(candidates: Sequence[Candidate], step: Array, spans: Sequence[tuple[Array, Array]]) -> list[Candidate]:
+def _moved(
+    candidates: Sequence[Candidate], late: Sequence[Candidate], step: Array, spans: Sequence[tuple[Array, Array]]
+) -> list[Candidate]:
+    """The candidates a step on; those whose theta has no span as ``late`` has them."""
     result, place = [], 0
-    for candidate, (low, high) in zip(candidates, spans, strict=True):
+    for candidate, delayed, (low, high) in zip(candidates, late, spans, strict=True):
         count = len(candidate.theta)
         theta = np.clip(candidate.theta + step[place : place + count], low, high)
-        result.append(replace(candidate, theta=theta))
+        result.append(replace(candidate, theta=np.where(high > low, theta, delayed.theta)))
         place += count
+    return result
+
+
+def _late(design: Design, value: Array, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, of which those of a delay have the shape of what is late in all: the delay, and what the given
+    model allows their channels' timings (a delay of a wrong shape is divided between the two)."""
+    result = []
+    for number, candidate in enumerate(candidates):
+        hypothesis = design.hypotheses[candidate.hypothesis]
+        sign = hypothesis.effect.timed(hypothesis.place)
+        if sign:
+            (own,) = value[design.candidates[number].columns]
+            timings = value[design.base.rank + np.array(candidate.channels)]
+            delay = float(np.clip(own + sign * timings.mean(), _LEAST_DELAY, _LONGEST_DELAY))
+            candidate = replace(candidate, theta=np.array([delay]))
+        result.append(candidate)
     return result
 
 

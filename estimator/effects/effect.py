@@ -78,6 +78,11 @@ class Law(ABC):
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
+    def timed(self, place: Place) -> int:
+        """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its channels
+        add to that; 0 of all others."""
+        return 0
+
     def experiment_at(self, place: Place, body: RigidBody) -> str:
         """The same sentence for a place."""
         name = "the joint" if place.joint is None else body.joints[place.joint]

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from estimator.effects.effect import Effect, Equation, Parameters, Place
 from estimator.effects.signals import Scales, Signals
@@ -28,8 +29,8 @@ DELAYS = (0.001, 0.005, 0.02)
 
 class TransportDelay(Effect):
     """All joints of a channel are late alike, or one drive's torque by itself. theta is the delay δ of the shape
-    (x(t − δ) − x(t))/δ, the coefficient the delay itself: to first order in it the two are independent. Late angles
-    make the torques seem early."""
+    (x(t − δ) − x(t))/δ, the coefficient the delay itself: to first order in it the two are independent, and they are
+    made equal (`Law.timed`). Late angles make the torques seem early."""
 
     name = "transport_delay"
     units: ClassVar = {"delay": "s"}
@@ -49,6 +50,9 @@ class TransportDelay(Effect):
             return (place.joint,)
         return tuple(range(6 if place.channel == "wrench" else body.n))
 
+    def timed(self, place: Place) -> int:
+        return -1 if place.channel == "position" else 1
+
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.array(DELAYS)[:, None]
 
@@ -58,7 +62,9 @@ class TransportDelay(Effect):
         assert channel is not None
         if place.joint is not None:
             channel = channel[:, [place.joint]]
-        return ((_late(signals.t, channel, by) - channel) / abs(by))[:, :, None]
+        # Straight lines between samples would bend a signal that is late by a part of one.
+        late = CubicSpline(signals.t, channel)(signals.t - by)
+        return np.asarray((late - channel) / abs(by))[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return np.zeros(1), np.full(1, np.inf)
@@ -74,14 +80,6 @@ class TransportDelay(Effect):
         assert place.channel is not None
         joints = slice(None) if place.joint is None else place.joint
         plant.late.setdefault(place.channel, np.zeros(plant.body.n))[joints] += float(parameters["delay"])
-
-
-def _late(t: Array, x: Array, by: float) -> Array:
-    """(samples, c) of x (samples, c) ``by`` s before; what lies beyond the ends goes straight on."""
-    step = np.array([t[0] - abs(by), *t, t[-1] + abs(by)])
-    first, last = (x[1] - x[0]) / (t[1] - t[0]), (x[-1] - x[-2]) / (t[-1] - t[-2])
-    longer = np.vstack([x[0] - abs(by) * first, x, x[-1] + abs(by) * last])
-    return np.array([np.interp(t - by, step, column) for column in longer.T]).T
 
 
 EFFECT = TransportDelay()
