@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 
 _SHOWN = 5
 """Alternatives that an answer lists."""
+_NOTHING = 1.0
+"""Standard errors by which a cause's coefficients must differ from zero once its shape was refined."""
 _SHARPER = 2
 """Times that a search is made anew with sharper laws."""
 _WORTH_TELLING = 0.12
@@ -145,15 +147,19 @@ def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list
 
 
 def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
-    """The causes at their best shapes, without recurrences of a law that are then within their own errors of nothing:
-    between two lines of a spectrum, one that the grid did not hold looks like a third."""
+    """The causes at their best shapes, without those that are then nothing, and without recurrences of a law that are
+    within their own errors of it: between two lines of a spectrum, one that the grid did not hold looks like a third,
+    and the lateness of one joint mends that of all."""
     kept = list(causes)
     while True:
         chosen = [cause.candidate for cause in kept]
         refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
-        beyond = {k: _beyond_nothing(refined, number) for number, k in enumerate(chosen) if scores.recurs(k)}
+        beyond = {
+            k: _beyond_nothing(refined, number) / (SIGNIFICANT if scores.recurs(k) else _NOTHING)
+            for number, k in enumerate(chosen)
+        }
         least = min(beyond, key=lambda k: beyond[k], default=None)
-        if least is None or beyond[least] > SIGNIFICANT:
+        if least is None or beyond[least] > 1.0:
             return kept, refined
         kept = Search(scores).judged([k for k in chosen if k != least])
 

@@ -34,6 +34,11 @@ _LEAST_BAND, _WIDEST_BAND = 10.0, 25.0
 _CALM, _LEAST_CALM = 3.0, 2.0
 """The motion from which columns are made: to this multiple of the motion's band, and at least to so many Hz. Noise of
 the angles in a column is the same noise as in the residual, and their product would be taken for evidence."""
+_UNSURE = 0.5
+"""Periods of its highest frequency, at the ends of a recording that begins or ends in motion, for which the calm motion
+may be unsure …"""
+_FAR = 4.0
+"""… where it differs from the motion by so many times what it does between."""
 _OWN = 0.5
 """Of that: once and a half the motion's band holds all but a hundredth of its accelerations."""
 
@@ -147,7 +152,20 @@ def _stretch(
             assert speed is not None
             residual[:, k], rounded[:, k] = speed[:, j] - dq[:, j], dq[:, j] - more[1][:, j]
     size = np.array([np.mean((tau if c.equation == "torque" else dq)[:, c.index] ** 2) for c in grid.channels])
-    return Stretch(recording, signals, residual, rounded, size)
+    sure = _sure(still[2], ddq, int(_UNSURE * plan.rate / plan.stride / grid.motion))
+    return Stretch(recording, signals.part(sure, times[sure]), residual[sure], rounded[sure], size)
+
+
+def _sure(calm: Array, ddq: Array, most: int) -> slice:
+    """The samples but those, at most so many at either end, where the calm accelerations (samples, n) differ from the
+    motion's by far more than between the ends: what the reflection there does not continue."""
+    apart = np.abs(calm - ddq)
+    inner = apart[most : len(apart) - most]
+    if len(inner) < most:
+        return slice(0, len(apart))
+    far = np.any(apart > _FAR * np.sqrt(np.mean(inner**2, axis=0)), axis=1)
+    first, last = np.flatnonzero(far[:most]), np.flatnonzero(far[len(far) - most :])
+    return slice(int(first[-1]) + 1 if len(first) else 0, len(far) - most + int(last[0]) if len(last) else len(far))
 
 
 def mean_power(pieces: Sequence[Stretch]) -> Array:

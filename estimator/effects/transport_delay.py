@@ -23,7 +23,7 @@ EQUATIONS: Mapping[str, Equation] = {
     "wrench": "wrench",
 }
 """Channel → the equation in which its lateness shows."""
-DELAYS = (0.001, 0.005, 0.02)
+DELAYS = (0.001, 0.003, 0.009, 0.025)
 """s, to try."""
 
 
