@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,17 +50,19 @@ class Searched:
     evidence: Evidence
     """Its design's precision is of that tolerance."""
     scores: Scores
-    causes: list[Cause]
+    chosen: list[int]
+    """Candidates of the causes."""
     widest: Scores
     """Under the tolerance that was given."""
-    borne_out: float | None = None
-    """The tolerance of the links, where it is tighter than that one."""
-    punctual: bool = False
-    """Whether the channels' timings are known better than theirs."""
+    links: float = 1.0
+    """Share of the links' tolerance under which they were found …"""
+    timings: float = 1.0
+    """… and of the channels' timings'."""
 
-    @property
-    def chosen(self) -> list[int]:
-        return [cause.candidate for cause in self.causes]
+    @cached_property
+    def causes(self) -> list[Cause]:
+        """The one with most evidence first."""
+        return Search(self.scores).judged(self.chosen)
 
     @property
     def hypotheses(self) -> set[int]:
@@ -70,26 +73,32 @@ class Searched:
         return {self.scores.design.hypotheses[k].effect.name for k in self.hypotheses}
 
 
-def searched(evidence: Evidence) -> Searched:
+def searched(evidence: Evidence, before: Searched | None = None) -> Searched:
     """Searches the evidence for causes, under its own tolerances, then under tighter ones of the links and of the
-    channels' timings."""
+    channels' timings; ``before``: what was found with laws that were less sharp."""
     design, tolerance = evidence.design, evidence.tolerance
-    scores = Scores(design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
-    first = best = Searched(evidence, scores, Search(scores).run(), scores)
+    if before is None:
+        scores = Scores(design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
+        chosen = Search(scores).run()
+    else:
+        scores = before.widest.sharper(design, evidence.blocks)
+        chosen = Search(scores).run(before.chosen)
+    first = best = Searched(evidence, scores, chosen, scores)
     # Where a link is off by more than its tolerance, the others are not taken to be exact.
     if tolerance is not None and "link_inertia" not in first.effects:
-        best, share = _tightened(first, first, TIGHTER, lambda share: _precise(design, share * tolerance))
-        best = best if share is None else replace(best, borne_out=share * tolerance)
+        shares = TIGHTER if before is None or before.links == 1.0 else (before.links,)
+        best, share = _tightened(first, first, shares, lambda share: _precise(design, share * tolerance))
+        best = replace(best, links=share)
     known = best.evidence.design
     best, share = _tightened(best, first, PUNCTUAL, lambda share: _punctual(known, share))
-    return best if share is None else replace(best, punctual=True)
+    return replace(best, timings=share)
 
 
 def _tightened(
     start: Searched, first: Searched, shares: Sequence[float], precision_of: Callable[[float], Array]
-) -> tuple[Searched, float | None]:
+) -> tuple[Searched, float]:
     """The best supported answer, ``start`` or one under the precision of a share of a tolerance, and that share."""
-    best, best_share, weights = start, None, start.scores.weights.copy()
+    best, best_share, weights = start, 1.0, start.scores.weights.copy()
     precisions = [precision_of(share) for share in _FINELY]
     most, own = _supports(best, precisions, weights).max(), _supports(best, precisions[:1], weights).max()
     for share in shares:
@@ -98,7 +107,7 @@ def _tightened(
             best,
             evidence=replace(start.evidence, design=known.design),
             scores=known,
-            causes=Search(known).again(best.chosen),
+            chosen=Search(known).again(best.chosen),
         )
         support = _supports(tried, precisions, weights).max()
         there = _supports(tried, [known.design.precision], weights).max()

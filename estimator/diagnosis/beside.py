@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.diagnosis.answer import Diagnosis, Finding, Residual
-from estimator.diagnosis.diagnose import Judged, verdict
+from estimator.diagnosis.diagnose import verdict
 from estimator.diagnosis.grams import total
+from estimator.diagnosis.judging import Judged
 from estimator.diagnosis.torques import plain_blocks, residual_power
 from estimator.diagnosis.traces import signatures, unit_of_channel
 

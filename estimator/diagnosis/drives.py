@@ -19,8 +19,8 @@ from estimator.convolution import convolve
 from estimator.diagnosis.answer import MOTOR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
 from estimator.diagnosis.design import Design, Hypothesis, make_design
-from estimator.diagnosis.diagnose import Judged, judge
 from estimator.diagnosis.evidence import EXACT, Evidence, weighed
+from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER
 from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power

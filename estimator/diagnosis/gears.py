@@ -19,10 +19,10 @@ from estimator.convolution import convolve
 from estimator.diagnosis.answer import GEAR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
 from estimator.diagnosis.design import Design, Hypothesis, make_design
-from estimator.diagnosis.diagnose import Judged, judge
 from estimator.diagnosis.evidence import EXACT, Evidence, weighed
 from estimator.diagnosis.gear_laws import gear_laws
 from estimator.diagnosis.grains import repeated_white
+from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.noise import ORDER
 from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power
 from estimator.diagnosis.tolerance import timing_precision

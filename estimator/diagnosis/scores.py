@@ -61,12 +61,23 @@ class Scores:
         self.chance: Chance = resample(self.model([]), self.groups, self._noise)
 
     def known_to(self, precision: Array) -> Scores:
-        """The same of a design that differs in its precision alone."""
+        """The same of a design that differs in its precision alone: what chance makes of it depends on the links."""
         other = copy(self)
         other.design = replace(self.design, precision=precision)
         other.weights = self._news.copy()
         other._forget()
-        other.chance = resample(other.model([]), self.groups, self._noise)
+        rank = self.design.base.rank
+        if not np.array_equal(precision[:rank, :rank], self.design.precision[:rank, :rank]):
+            other.chance = resample(other.model([]), self.groups, self._noise)
+        return other
+
+    def sharper(self, design: Design, blocks: Sequence[Block | Sheet]) -> Scores:
+        """The same of a design that differs in the shapes of some candidates alone: chance knows these no better."""
+        other = copy(self)
+        other.design, other.total, other._blocks = design, total(blocks), blocks
+        other.weights = self._news.copy()
+        other._exchanged = {}
+        other._forget()
         return other
 
     def _forget(self) -> None:

@@ -54,9 +54,11 @@ class Search:
         self._fallen: set[int] = set()
         """Hypotheses that were taken and did not improve what is predicted of rows left out."""
 
-    def run(self) -> list[Cause]:
-        """All causes, the one with most evidence first."""
-        chosen = self._grown([])
+    def run(self, start: Sequence[int] = ()) -> list[int]:
+        """The candidates of all causes; ``start``: those of other scores, to begin with."""
+        if start:
+            self.scores.reweigh(start)
+        chosen = self._grown(self._pruned(list(start)))
         if (divided := self._divided(chosen)) != chosen:
             chosen = self._grown(divided)
         for _ in range(_TURNS):
@@ -66,13 +68,13 @@ class Search:
                 break
             self._fallen |= {int(self.scores.owner[k]) for k in set(before) - set(chosen)}
             chosen = self._grown(chosen)
-        chosen = self._telling(self._standing(self._pruned(chosen)))
-        return self.judged(chosen)
+        return self._telling(self._standing(self._pruned(chosen)))
 
-    def again(self, chosen: list[int]) -> list[Cause]:
-        """All causes, where these were all under other scores: they still are, unless one more is supported."""
+    def again(self, chosen: list[int]) -> list[int]:
+        """The candidates of all causes, where these were under other scores: they still are, unless one more is
+        supported."""
         self.scores.reweigh(chosen)
-        return self.judged(chosen) if next(self._steps(chosen), None) is None else self.run()
+        return chosen if next(self._steps(chosen), None) is None else self.run()
 
     def judged(self, chosen: Sequence[int]) -> list[Cause]:
         """These candidates with their evidence beside each other, the one with most first."""

@@ -9,25 +9,47 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from estimator.diagnosis.accuracy import Searched
+from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.grams import sheets
+from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import Cause
 
 _WORTH = 10.0
 """nats that the refined shapes explain more than those of the grid: what is less has no name of its own."""
 
 
-def sharpened(evidence: Evidence, scores: Scores, chosen: Sequence[int], refined: Refined) -> Evidence | None:
-    """``evidence`` with the shapes of ``refined`` in the place of those of the ``chosen`` candidates, which ``scores``
-    found; None where they explain hardly more."""
-    model, design = refined.model, evidence.design
+def sharpened(evidence: Evidence, found: Searched, causes: Sequence[Cause], refined: Refined) -> Evidence | None:
+    """``evidence``, in which the causes were ``found``, with the shapes of ``refined`` in the place of theirs; None
+    where they explain hardly more."""
+    model, scores, chosen = refined.model, found.scores, [cause.candidate for cause in causes]
     explained = 0.5 * float(model.right[model.active] @ model.value)
     if explained < scores.support(chosen) + scores.penalty(chosen) + _WORTH:
         return None
-    candidates = list(design.candidates)
+    candidates = list(evidence.design.candidates)
     for k, fitted in zip(chosen, refined.design.candidates, strict=True):
         candidates[k] = replace(candidates[k], theta=fitted.theta)
-    sharp = replace(design, candidates=tuple(candidates))
-    rows = sheets(sharp, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
-    return replace(evidence, design=sharp, blocks=tuple(sheet.compact() for sheet in rows))
+    design = replace(evidence.design, candidates=tuple(candidates))
+    return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, chosen)))
+
+
+def _blocks(evidence: Evidence, design: Design, changed: Sequence[int]) -> list[Block | Sheet]:
+    """All rows with the ``changed`` candidates' columns made anew: those alone, where the others were kept as rows."""
+    kept = [block for block in evidence.blocks if isinstance(block, Sheet)]
+    alone = len(kept) == len(evidence.blocks)
+    part = design.with_candidates([design.candidates[k] for k in changed]) if alone else design
+    made = sheets(part, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
+    if not alone:
+        return [sheet.compact() for sheet in made]
+    return [_with_columns(sheet, design, changed, own, part) for sheet, own in zip(kept, made, strict=True)]
+
+
+def _with_columns(sheet: Sheet, design: Design, changed: Sequence[int], made: Sheet, part: Design) -> Sheet:
+    """A sheet of ``design`` with the columns of its ``changed`` candidates as ``made`` of ``part`` has them."""
+    columns = [rows.copy() for rows in sheet.columns]
+    for k, candidate in zip(changed, part.candidates, strict=True):
+        for channel in candidate.channels:
+            there = design.position[channel][design.candidates[k].columns]
+            columns[channel][there] = made.columns[channel][part.position[channel][candidate.columns]]
+    return replace(sheet, columns=columns)

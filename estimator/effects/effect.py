@@ -79,8 +79,8 @@ class Law(ABC):
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
     def timed(self, place: Place) -> int:
-        """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its channels
-        add to that; 0 of all others."""
+        """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
+        channels add to that; 0 of all others."""
         return 0
 
     def experiment_at(self, place: Place, body: RigidBody) -> str:

@@ -16,8 +16,8 @@ from estimator import RigidBody
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.conditional import within_limits
 from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.diagnose import _beyond_nothing
 from estimator.diagnosis.grams import Block
+from estimator.diagnosis.judging import _beyond_nothing
 from estimator.diagnosis.stretches import Channel
 
 Array = NDArray[np.float64]

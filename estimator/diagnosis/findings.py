@@ -1,0 +1,80 @@
+"""A cause as it is told: its parameters, its share, what could stand in its stead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimator.diagnosis.accuracy import Searched
+from estimator.diagnosis.answer import Alternative, Finding
+from estimator.diagnosis.contest import Contest, contest
+from estimator.diagnosis.design import Hypothesis
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.quantities import quantities
+from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import AMBIGUOUS, Cause
+from estimator.rigid_body import RigidBody
+
+_SHOWN = 5
+"""Alternatives that an answer lists."""
+
+
+def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes: Sequence[Cause]) -> Finding:
+    """Of a cause, the one of this ``number`` among all ``causes``, with its alternatives."""
+    evidence, scores = found.evidence, found.scores
+    design = scores.design
+    hypothesis = scores.hypothesis(cause.candidate)
+    rivals = tuple(
+        Alternative((h := scores.hypothesis(a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives
+    )
+    near = rivals[:_SHOWN]
+    within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
+    ambiguous = bool(within)
+    fitted = refined.design.candidates[number]
+    beside = [c.candidate for c in causes if c is not cause]
+    return Finding(
+        effect=hypothesis.effect.name,
+        place=hypothesis.place,
+        status="ambiguous" if ambiguous else "named",
+        parameters=quantities(
+            hypothesis, design.body, fitted.theta, refined.coefficients(number), refined.covariance_of(number)
+        ),
+        log_likelihood_gain=cause.gain,
+        false_alarm_probability=cause.false_alarm,
+        share_of_explainable=_share(scores, [c.candidate for c in causes], cause.candidate),
+        alternatives=within or near,
+        rivals=rivals,
+        next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
+        shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
+        contest=_contest(evidence, scores, cause, beside, len(within)) if ambiguous else None,
+    )
+
+
+def _share(scores: Scores, chosen: Sequence[int], own: int) -> float:
+    """Of what all causes explain, and could, wherever this one acts, how much is lost when its own torque is left out.
+
+    Everything else stays as it was fitted with it: links that may bend within their tolerance, or that are free, and
+    other causes would take its place for a part, and a payload that rules everything would read a few percent.
+    """
+    model, given = scores.model(chosen), scores.design.given
+    candidate = scores.design.candidates[own]
+    channels = list(candidate.channels)
+    others = ~np.isin(model.active, candidate.columns)
+    nothing, without, whole = (
+        model.squares_with(model.active[kept], model.value[kept])[channels].sum() / scores.total.rows
+        for kept in (model.active < given, others, np.ones_like(others))
+    )
+    bound = max(nothing - min(whole, len(channels)), 1e-12)
+    return float(np.clip((without - whole) / bound, 0.0, 1.0))
+
+
+def _contest(evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[int], count: int) -> Contest:
+    """Of a cause with the ``count`` nearest of its alternatives."""
+    within = [cause.candidate, *(a.candidate for a in cause.alternatives[:count])]
+    return contest(scores, evidence, others, [int(scores.owner[k]) for k in within])
+
+
+def _experiment(hypothesis: Hypothesis, body: RigidBody) -> str:
+    return hypothesis.effect.experiment_at(hypothesis.place, body)

@@ -1,0 +1,126 @@
+"""Which causes are named: searched for, sharpened, and left out again where they explain nothing of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.diagnosis.accuracy import Searched, searched
+from estimator.diagnosis.answer import Finding
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.findings import finding
+from estimator.diagnosis.lack_of_fit import misfits
+from estimator.diagnosis.left_noise import by_what_is_left
+from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.sharpening import sharpened
+from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
+
+_NOTHING = 1.0
+"""Standard errors by which a delay must differ from zero once its shape was refined."""
+_SHARPER = 2
+"""Times that a search is made anew with sharper laws."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Evidence with the causes that it names."""
+
+    evidence: Evidence
+    """Under the noise that they were judged by."""
+    scores: Scores
+    widest: Scores
+    """As wide as the given model's tolerance, where the links are known better (`accuracy`)."""
+    borne_out: float | None
+    """The tolerance that the recordings bear out, where it is tighter than the given one."""
+    punctual: bool
+    """Whether the channels' timings are borne out better than they are believed at first."""
+    chosen: tuple[int, ...]
+    """Candidates of the evidence's design."""
+    refined: Refined
+    findings: tuple[Finding, ...]
+    """One a candidate, likewise."""
+
+
+def judge(evidence: Evidence) -> Judged:
+    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave; and
+    where their laws' shapes on the grid are not sharp enough, with those that fit best."""
+    found = searched(evidence)
+    if not evidence.noise.playings:
+        evidence = by_what_is_left(evidence, found.scores, found.chosen)
+        found = searched(evidence)
+    causes, refined = _standing(found)
+    for _ in range(_SHARPER):
+        sharp = sharpened(evidence, found, causes, refined)
+        if sharp is None:
+            break
+        evidence, found = sharp, searched(sharp, found)
+        causes, refined = _standing(found)
+    scores, chosen = found.scores, tuple(cause.candidate for cause in causes)
+    if found.widest is not scores:
+        found.widest.reweigh(chosen)
+    borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
+    findings = tuple(finding(found, refined, number, cause, causes) for number, cause in enumerate(causes))
+    return Judged(found.evidence, scores, found.widest, borne_out, found.timings < 1.0, chosen, refined, findings)
+
+
+def _standing(found: Searched) -> tuple[list[Cause], Refined]:
+    """The causes of a search that stand by their best shapes."""
+    return _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
+
+
+def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
+    """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
+    true one, and its name would mislead. All orders of a periodic law are judged as one."""
+    chosen = [cause.candidate for cause in causes]
+    left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
+    left[left < VISIBLE] = 0.0
+    if widest is not scores:
+        widest.reweigh(chosen)
+    for channel, misfit in misfits(widest, chosen).items():
+        if misfit.told:
+            left[channel] = max(left[channel], misfit.variance)
+    result = []
+    for cause in causes:
+        channels = list(scores.design.candidates[cause.candidate].channels)
+        own = [k for k in chosen if scores.owner[k] == scores.owner[cause.candidate]]
+        explained = scores.explained(own, [k for k in chosen if k not in own])
+        if np.any(explained[channels] > left[channels]):
+            result.append(cause)
+    return result
+
+
+def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
+    """The causes at their best shapes, without delays that are then nothing, and without recurrences of a law that are
+    within their own errors of it: the lateness of one joint mends that of all, and between two lines of a spectrum, one
+    that the grid did not hold looks like a third."""
+    kept = list(causes)
+    while True:
+        chosen = [cause.candidate for cause in kept]
+        refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+        beyond = {
+            k: _beyond_nothing(refined, number) / (SIGNIFICANT if scores.recurs(k) else _NOTHING)
+            for number, k in enumerate(chosen)
+            if scores.recurs(k) or _timed(scores, k)
+        }
+        least = min(beyond, key=lambda k: beyond[k], default=None)
+        if least is None or beyond[least] > 1.0:
+            return kept, refined
+        kept = Search(scores).judged([k for k in chosen if k != least])
+
+
+def _timed(scores: Scores, candidate: int) -> bool:
+    hypothesis = scores.hypothesis(candidate)
+    return hypothesis.effect.timed(hypothesis.place) != 0
+
+
+def _beyond_nothing(refined: Refined, number: int) -> float:
+    """Standard errors by which all coefficients of a cause together differ from zero, its shape being free."""
+    value = refined.coefficients(number)
+    covariance = refined.covariance_of(number)[-len(value) :, -len(value) :]
+    error = np.sqrt(np.diag(covariance))
+    share = value / error
+    return float(np.sqrt(share @ np.linalg.pinv(covariance / np.outer(error, error)) @ share))
