@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from estimator.diagnosis.accuracy import Searched
-from estimator.diagnosis.answer import Alternative, Finding
+from estimator.diagnosis.answer import Alternative, Finding, Quantity
 from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.evidence import Evidence
@@ -38,8 +39,12 @@ def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes
         effect=hypothesis.effect.name,
         place=hypothesis.place,
         status="ambiguous" if ambiguous else "named",
-        parameters=quantities(
-            hypothesis, design.body, fitted.theta, refined.coefficients(number), refined.covariance_of(number)
+        parameters=_against_the_model(
+            quantities(
+                hypothesis, design.body, fitted.theta, refined.coefficients(number), refined.covariance_of(number)
+            ),
+            hypothesis,
+            found.links * (found.evidence.tolerance or 0.0),
         ),
         log_likelihood_gain=cause.gain,
         false_alarm_probability=cause.false_alarm,
@@ -50,6 +55,18 @@ def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
         contest=_contest(evidence, scores, cause, beside, len(within)) if ambiguous else None,
     )
+
+
+def _against_the_model(told: dict[str, Quantity], hypothesis: Hypothesis, tolerance: float) -> dict[str, Quantity]:
+    """The parameters with their errors; that of a delay of torques or angles counts that it is told by the slope of the
+    model's torques, which is known as well as the links are."""
+    effect, place = hypothesis.effect, hypothesis.place
+    if not effect.timed(place) or effect.equation_at(place) != "torque":
+        return told
+    return {
+        name: replace(q, standard_error=np.hypot(q.standard_error, tolerance * np.abs(q.value)))
+        for name, q in told.items()
+    }
 
 
 def _share(scores: Scores, chosen: Sequence[int], own: int) -> float:

@@ -13,14 +13,15 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
+from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import sharpened
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
-_NOTHING = 1.0
-"""Standard errors by which a delay must differ from zero once its shape was refined."""
+_NOTHING = 1.5
+"""Standard errors by which a cause must differ from nothing once its shape was refined."""
 _SHARPER = 2
 """Times that a search is made anew with sharper laws."""
 
@@ -94,17 +95,18 @@ def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list
 
 
 def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
-    """The causes at their best shapes, without delays that are then nothing, and without recurrences of a law that are
-    within their own errors of it: the lateness of one joint mends that of all, and between two lines of a spectrum, one
-    that the grid did not hold looks like a third."""
+    """The causes at their best shapes, without those that are then nothing, and without recurrences of a law that are
+    within their own errors of it: what mended the shape of another cause is none beside its best one, and between two
+    lines of a spectrum, one that the grid did not hold looks like a third."""
     kept = list(causes)
     while True:
         chosen = [cause.candidate for cause in kept]
         refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
         beyond = {
-            k: _beyond_nothing(refined, number) / (SIGNIFICANT if scores.recurs(k) else _NOTHING)
+            k: _beyond_nothing(refined, number) / SIGNIFICANT
+            if scores.recurs(k)
+            else max(_beyond_nothing(refined, number), _told(refined, number)) / _NOTHING
             for number, k in enumerate(chosen)
-            if scores.recurs(k) or _timed(scores, k)
         }
         least = min(beyond, key=lambda k: beyond[k], default=None)
         if least is None or beyond[least] > 1.0:
@@ -112,9 +114,16 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         kept = Search(scores).judged([k for k in chosen if k != least])
 
 
-def _timed(scores: Scores, candidate: int) -> bool:
-    hypothesis = scores.hypothesis(candidate)
-    return hypothesis.effect.timed(hypothesis.place) != 0
+def _told(refined: Refined, number: int) -> float:
+    """Standard errors by which a cause's first parameter differs from zero: of a spring a coefficient says nothing by
+    itself, for it is the stiffness with its shape."""
+    fitted = refined.design.candidates[number]
+    hypothesis = refined.design.hypotheses[fitted.hypothesis]
+    found = quantities(
+        hypothesis, refined.design.body, fitted.theta, refined.coefficients(number), refined.covariance_of(number)
+    )
+    first = next(iter(found.values()))
+    return float(np.max(np.abs(first.value) / np.maximum(first.standard_error, 1e-300)))
 
 
 def _beyond_nothing(refined: Refined, number: int) -> float:

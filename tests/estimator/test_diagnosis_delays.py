@@ -1,0 +1,83 @@
+"""Channels that come late, beside a small noise: the delay is told, and what it leaves is not called anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.answer import Diagnosis
+from estimator.diagnosis.diagnose import diagnose
+
+Array = NDArray[np.float64]
+Late = Callable[..., Diagnosis]
+
+NOISE = np.array([0.9, 1.2, 0.7, 0.3, 0.15, 0.1])
+"""N·m, white."""
+
+
+@pytest.fixture(scope="module")
+def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Late:
+    """Two playings of three motions that begin and end at speed, channels late by ``delays`` s."""
+
+    def make(
+        noise: float, torque: float | Array = 0.0, position: float = 0.0, velocity: float | None = None
+    ) -> Diagnosis:
+        random = np.random.default_rng(1)
+        true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
+        recordings = []
+        for motion in range(3):
+            t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 500.0, 10 + motion)
+
+            def behind(x: Array, delay: float | Array, t: Array = t) -> Array:
+                each = np.broadcast_to(delay, x.shape[1])
+                return np.array([CubicSpline(t, c)(t - s) for c, s in zip(x.T, each, strict=True)]).T
+
+            tau = behind(inverse_dynamics(six_axis, true, q, dq, ddq), torque)
+            angles, speeds = behind(q, position), None if velocity is None else behind(dq, velocity)
+            for _ in range(2):
+                recordings.append(
+                    Trajectory(
+                        t,
+                        angles + 1e-6 * random.normal(size=q.shape),
+                        tau + noise * NOISE * random.normal(size=q.shape),
+                        None if speeds is None else speeds + 1e-3 * random.normal(size=q.shape),
+                    )
+                )
+        return diagnose(six_axis, recordings)
+
+    return make
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.2])
+@pytest.mark.parametrize(
+    ("channel", "joint", "delay"),
+    [
+        ("torque", None, 2e-3),
+        ("torque", None, 5e-3),
+        ("torque", 2, 5e-3),
+        ("position", None, 4e-3),
+        ("velocity", None, 6e-3),
+    ],
+)
+def test_a_late_channel_is_all_that_is_named(
+    late: Late, channel: str, joint: int | None, delay: float, noise: float
+) -> None:
+    shift = delay if joint is None else delay * (np.arange(6) == joint)
+    found = late(noise, **{channel: shift})
+    (only,) = found.findings
+    assert (only.effect, only.place.joint, only.place.channel) == ("transport_delay", joint, channel)
+    told = only.parameters["delay"]
+    assert abs(float(told.value) - delay) < 3.0 * float(told.standard_error)
+    assert float(told.standard_error) < 0.03 * delay
+    assert found.verdict == "named", found.unexplained
+
+
+def test_a_long_delay_is_told_between_those_that_are_tried(late: Late) -> None:
+    found = late(1.0, torque=12e-3)
+    (only,) = found.findings
+    assert float(only.parameters["delay"].value) == pytest.approx(12e-3, rel=0.02)
