@@ -35,8 +35,8 @@ PUNCTUAL = (0.3, 0.1, 0.03)
 _FINELY = np.geomspace(1.0, TIGHTER[-1], 18)
 """Of the tolerance, among which each answer has the one that suits it best."""
 _MARGIN = -float(np.log(FALSE_ALARM))
-"""nats by which other causes under a tighter tolerance must be better supported, where that is all but none; twice that
-under any other, since no tolerance is the law by which links are off."""
+"""nats by which an answer with another cause under a tighter tolerance must be better supported, where that is all but
+none; twice that under any other, since no tolerance is the law by which links are off; and so for each such cause."""
 _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
@@ -130,9 +130,7 @@ def other_errors(evidence: Evidence) -> Exchange | None:
 
 
 def _margin(tried: Searched, best: Searched, share: float) -> float:
-    if tried.hypotheses <= best.hypotheses:
-        return 0.0
-    return _MARGIN if share <= _EXACT else 2.0 * _MARGIN
+    return len(tried.hypotheses - best.hypotheses) * (_MARGIN if share <= _EXACT else 2.0 * _MARGIN)
 
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:

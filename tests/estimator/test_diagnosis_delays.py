@@ -39,15 +39,15 @@ def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, A
 
             tau = behind(inverse_dynamics(six_axis, true, q, dq, ddq), torque)
             angles, speeds = behind(q, position), None if velocity is None else behind(dq, velocity)
-            for _ in range(2):
-                recordings.append(
-                    Trajectory(
-                        t,
-                        angles + 1e-6 * random.normal(size=q.shape),
-                        tau + noise * NOISE * random.normal(size=q.shape),
-                        None if speeds is None else speeds + 1e-3 * random.normal(size=q.shape),
-                    )
+            recordings += [
+                Trajectory(
+                    t,
+                    angles + 1e-6 * random.normal(size=q.shape),
+                    tau + noise * NOISE * random.normal(size=q.shape),
+                    None if speeds is None else speeds + 1e-3 * random.normal(size=q.shape),
                 )
+                for _ in range(2)
+            ]
         return diagnose(six_axis, recordings)
 
     return make
