@@ -101,7 +101,7 @@ def test_played_once_it_is_no_cause_either(body: RigidBody, make_periodic: Perio
     deceived = Search(without).run()
     assert deceived, "the noise is explained by a law of the angles, in rows left out too"
     without._exchange = other_errors(evidence)
-    assert max(without.recurring(cause.candidate, []) for cause in deceived) < 0.75
+    assert max(without.recurring(candidate, []) for candidate in deceived) < 0.75
     assert diagnose(body, recordings).verdict == "clean"
 
 

@@ -46,7 +46,7 @@ def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(scores: Scores, m
 
 def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> None:
     before = scores.gains([]).copy()
-    chosen = [cause.candidate for cause in Search(scores).run()]
+    chosen = Search(scores).run()
     assert chosen
     scores.reweigh(chosen)
     weighted = scores.gains([])
@@ -58,8 +58,8 @@ def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> Non
 
 
 def test_friction_of_both_joints_is_found_with_motions_left_out(scores: Scores) -> None:
-    found = set()
-    for cause in Search(scores).run():
+    found, search = set(), Search(scores)
+    for cause in search.judged(search.run()):
         assert cause.held_out > 1.64
         hypothesis = scores.hypothesis(cause.candidate)
         found.add(hypothesis.place.joint)
