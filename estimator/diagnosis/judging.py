@@ -17,7 +17,7 @@ from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined, refine
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
-from estimator.diagnosis.sharpening import sharpened
+from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
 _NOTHING = 1.5
@@ -58,7 +58,11 @@ def judge(evidence: Evidence) -> Judged:
         sharp = sharpened(evidence, found, causes, refined)
         if sharp is None:
             break
-        evidence, found = sharp, searched(sharp, found)
+        again = searched(sharp, found)
+        # What stood, and explains even more with a sharper shape, does not fall by it.
+        if again.scores.support(found.chosen) > again.scores.support(again.chosen) + WORTH:
+            break
+        evidence, found = sharp, again
         causes, refined = _standing(found)
     scores, chosen = found.scores, tuple(cause.candidate for cause in causes)
     if found.widest is not scores:

@@ -16,7 +16,7 @@ from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.search import Cause
 
-_WORTH = 10.0
+WORTH = 10.0
 """nats that the refined shapes explain more than those of the grid: what is less has no name of its own."""
 
 
@@ -25,7 +25,7 @@ def sharpened(evidence: Evidence, found: Searched, causes: Sequence[Cause], refi
     where they explain hardly more."""
     model, scores, chosen = refined.model, found.scores, [cause.candidate for cause in causes]
     explained = 0.5 * float(model.right[model.active] @ model.value)
-    if explained < scores.support(chosen) + scores.penalty(chosen) + _WORTH:
+    if explained < scores.support(chosen) + scores.penalty(chosen) + WORTH:
         return None
     candidates = list(evidence.design.candidates)
     for k, fitted in zip(chosen, refined.design.candidates, strict=True):
