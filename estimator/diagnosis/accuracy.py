@@ -86,11 +86,12 @@ def searched(evidence: Evidence, before: Searched | None = None) -> Searched:
     first = best = Searched(evidence, scores, chosen, scores)
     # Where a link is off by more than its tolerance, the others are not taken to be exact.
     if tolerance is not None and "link_inertia" not in first.effects:
-        shares = TIGHTER if before is None or before.links == 1.0 else (before.links,)
+        shares: Sequence[float] = TIGHTER if before is None or before.links == 1.0 else (before.links,)
         best, share = _tightened(first, first, shares, lambda share: _precise(design, share * tolerance))
         best = replace(best, links=share)
     known = best.evidence.design
-    best, share = _tightened(best, first, PUNCTUAL, lambda share: _punctual(known, share))
+    shares = PUNCTUAL if before is None or before.timings == 1.0 else (before.timings,)
+    best, share = _tightened(best, first, shares, lambda share: _punctual(known, share))
     return replace(best, timings=share)
 
 
