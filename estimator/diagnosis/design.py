@@ -148,6 +148,15 @@ def make_design(
     return empty.with_candidates(candidates)
 
 
+def linkless_design(
+    body: RigidBody, channels: tuple[Channel, ...], hypotheses: Sequence[Hypothesis], scales: Scales, timings: Array
+) -> Design:
+    """Of equations in which no link enters, as between a motor and its joint's sensor; ``timings`` is the precision of
+    the channels' own."""
+    nothing = BaseParameters((), (), (), np.zeros(0), np.zeros((0, 10 * body.n)), (), (), ())
+    return make_design(body, nothing, channels, hypotheses, scales, timings)
+
+
 def _moment(body: RigidBody) -> Signals:
     """A moment of any motion, on which an effect shows how many coefficients it has."""
     t = np.arange(8) / 100.0

@@ -14,16 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.diagnosis.answer import MOTOR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
-from estimator.diagnosis.design import Design, Hypothesis, make_design
+from estimator.diagnosis.design import Design, Hypothesis, linkless_design
 from estimator.diagnosis.evidence import EXACT, Evidence, weighed
 from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER
-from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power
+from estimator.diagnosis.stretches import (
+    KINEMATIC,
+    Channel,
+    Grid,
+    Stretch,
+    calm_motion,
+    gapless,
+    make_grid,
+    mean_power,
+    told_by,
+)
 from estimator.diagnosis.tolerance import timing_precision
 from estimator.effects import Place, Scales, Signals, catalogue
 from estimator.filtering import plan_filter, resample
@@ -65,11 +74,7 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
         raise InputError(motors[0].name, "no joint has the torques of its motor and of its sensor", "record both")
     plain = make_grid(body, motors)
     grid = replace(plain, channels=tuple(Channel("torque", joint) for joint in told))
-    pieces = _cut(body, grid, motors, sensors)
-    if not pieces:
-        raise InputError(
-            motors[0].name, "has no gapless stretch long enough to judge", "record at least some seconds of motion"
-        )
+    pieces = told_by(_cut(body, grid, motors, sensors), motors[0].name)
     design = _design(body, grid, pieces, min(motor.rate for motor in motors))
     repeats = find_repeats(motors)
     unseen = np.zeros((len(told), ORDER + 1))
@@ -79,12 +84,11 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
 
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
-    nothing = BaseParameters((), (), (), np.zeros(0), np.zeros((0, 10 * body.n)), (), (), ())
     laws = [law for law in catalogue().values() if law.in_drive]
     hypotheses = [Hypothesis(law, place) for law in (*laws, *MAPS) for place in law.places(body)]
     hypotheses.append(Hypothesis(catalogue()["transport_delay"], Place(channel="torque")))
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
-    return make_design(body, nothing, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
+    return linkless_design(body, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
 
 
 def _cut(body: RigidBody, grid: Grid, motors: Sequence[Trajectory], sensors: Sequence[Trajectory]) -> list[Stretch]:

@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
@@ -20,7 +19,7 @@ from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import Noise, autocovariance
 from estimator.diagnosis.repetition import lay, playings, repeated_noise
-from estimator.diagnosis.stretches import Grid, Stretch, make_grid, mean_power, stretches
+from estimator.diagnosis.stretches import Grid, Stretch, make_grid, mean_power, stretches, told_by
 from estimator.diagnosis.tolerance import given_precision
 from estimator.effects import Effect, Place, Scales, catalogue
 from estimator.filtering import Decimator
@@ -154,10 +153,4 @@ def _unseen(grid: Grid, pieces: Sequence[Stretch], share: Array) -> Array:
 def cut(body: RigidBody, grid: Grid, trajectories: Sequence[Trajectory]) -> list[Stretch]:
     """Gapless stretches of all recordings. Raises InputError when there is none that is long enough."""
     pieces = [piece for k, trajectory in enumerate(trajectories) for piece in stretches(body, grid, k, trajectory)]
-    if not pieces:
-        raise InputError(
-            trajectories[0].name,
-            "has no gapless stretch long enough to judge",
-            "record at least some seconds of motion",
-        )
-    return pieces
+    return told_by(pieces, trajectories[0].name)

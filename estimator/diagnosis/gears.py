@@ -14,17 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.diagnosis.answer import GEAR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
-from estimator.diagnosis.design import Design, Hypothesis, make_design
+from estimator.diagnosis.design import Design, Hypothesis, linkless_design
 from estimator.diagnosis.evidence import EXACT, Evidence, weighed
 from estimator.diagnosis.gear_laws import gear_laws
 from estimator.diagnosis.grains import repeated_white
 from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.noise import ORDER
-from estimator.diagnosis.stretches import KINEMATIC, Channel, Grid, Stretch, calm_motion, gapless, make_grid, mean_power
+from estimator.diagnosis.stretches import (
+    KINEMATIC,
+    Channel,
+    Grid,
+    Stretch,
+    calm_motion,
+    gapless,
+    make_grid,
+    mean_power,
+    told_by,
+)
 from estimator.diagnosis.tolerance import timing_precision
 from estimator.effects import Scales, Signals
 from estimator.filtering import plan_filter, resample
@@ -45,14 +54,16 @@ def with_gears(
 
     ``motor_angles``: of each trajectory (samples, n) the motors' angles at the joints (rad), all NaN where a joint has
     one encoder only; the trajectory's are those behind the gears. Findings in the gears have the channel `GEAR`.
-    Raises InputError when no joint has both angles, or a motor's is not one at the joint.
+    Where no joint moves at both, a note says so. Raises InputError when a motor's angle is not one at the joint.
     """
+    if not _told(body, trajectories, motor_angles):
+        return replace(found, notes=(*found.notes, "no joint moves at both of its encoders: no gear is judged"))
     judged = judge_gears(body, trajectories, motor_angles)
     return replace(put_beside(found, judged), gear_residual=residuals(judged))
 
 
 def judge_gears(body: RigidBody, trajectories: Sequence[Trajectory], motor_angles: Sequence[Array]) -> Judged:
-    """The causes in the gears alone, arguments and errors as for `with_gears`."""
+    """The causes in the gears alone, arguments and errors as for `with_gears`, and where no joint moves at both."""
     for trajectory, angles in zip(trajectories, motor_angles, strict=True):
         if angles.shape != trajectory.q.shape:
             raise InputError(
@@ -60,16 +71,18 @@ def judge_gears(body: RigidBody, trajectories: Sequence[Trajectory], motor_angle
                 f"{angles.shape} angles of motors and {trajectory.q.shape} behind the gears",
                 "give both of one motion",
             )
-    told = [
-        joint
-        for joint in range(body.n)
-        if all(_moves(t.q[:, joint]) and _moves(a[:, joint]) for t, a in zip(trajectories, motor_angles, strict=True))
-    ]
+    told = _told(body, trajectories, motor_angles)
     if not told:
         raise InputError(trajectories[0].name, "no joint moves at both of its encoders", "record both, in motion")
     for trajectory, angles in zip(trajectories, motor_angles, strict=True):
         _at_the_joint(body, told, trajectory, angles)
     return at_channel(judge(_gathered(body, told, trajectories, motor_angles)), GEAR)
+
+
+def _told(body: RigidBody, trajectories: Sequence[Trajectory], motor_angles: Sequence[Array]) -> list[int]:
+    """The joints that move at both of their encoders, in every recording."""
+    both = list(zip(trajectories, motor_angles, strict=True))
+    return [joint for joint in range(body.n) if all(_moves(t.q[:, joint]) and _moves(a[:, joint]) for t, a in both)]
 
 
 def _moves(angle: Array) -> bool:
@@ -96,13 +109,7 @@ def _gathered(
     body: RigidBody, told: Sequence[int], trajectories: Sequence[Trajectory], motor_angles: Sequence[Array]
 ) -> Evidence:
     grid = replace(make_grid(body, trajectories), channels=tuple(Channel("deflection", joint) for joint in told))
-    pieces = _cut(body, grid, trajectories, motor_angles)
-    if not pieces:
-        raise InputError(
-            trajectories[0].name,
-            "has no gapless stretch long enough to judge",
-            "record at least some seconds of motion",
-        )
+    pieces = told_by(_cut(body, grid, trajectories, motor_angles), trajectories[0].name)
     rate = min(trajectory.rate for trajectory in trajectories)
     repeats = find_repeats(trajectories)
     # Both encoders' counts play again where a motion repeats to less than one.
@@ -115,10 +122,9 @@ def _gathered(
 
 
 def _design(body: RigidBody, told: Sequence[int], grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
-    nothing = BaseParameters((), (), (), np.zeros(0), np.zeros((0, 10 * body.n)), (), (), ())
     hypotheses = [Hypothesis(law, place) for law in gear_laws(told) for place in law.places(body)]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
-    return make_design(body, nothing, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
+    return linkless_design(body, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
 
 
 def _cut(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from config import InputError
 from estimator.convolution import convolve
 from estimator.diagnosis.grains import counts, rounding
 from estimator.diagnosis.noise import ORDER
@@ -115,6 +116,13 @@ def gapless(grid: Grid, plan: FilterPlan, trajectory: Trajectory) -> list[NDArra
     row = plan.stride * grid.decimation(plan.stride / plan.rate)
     least = 2 * plan.edge + (ORDER + LEAST_ROWS) * row
     return [piece for piece in trajectory.segments(CHUNK, 2 * plan.edge) if len(piece) >= least]
+
+
+def told_by(pieces: list[Stretch], name: str) -> list[Stretch]:
+    """The same pieces. Raises InputError, naming a recording, where there are none."""
+    if not pieces:
+        raise InputError(name, "has no gapless stretch long enough to judge", "record at least some seconds of motion")
+    return pieces
 
 
 def _stretch(

@@ -92,6 +92,8 @@ def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
     ]
     if len(motors) == len(learnt):
         result = with_drives(result, read.body, motors, read.trajectories)
+    elif motors:
+        result = _not_in_all(result, "tau_motor", "drive")
     angles = [
         recording.q_motor[:, read.body.columns(recording.joints)]
         for _, recording in learnt
@@ -99,7 +101,14 @@ def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
     ]
     if len(angles) == len(learnt):
         result = with_gears(result, read.body, read.trajectories, angles)
+    elif angles:
+        result = _not_in_all(result, "q_motor", "gear")
     return result
+
+
+def _not_in_all(found: Diagnosis, columns: str, place: str) -> Diagnosis:
+    note = f"not every recording has the columns {columns}_<joint>: no {place} is judged"
+    return replace(found, notes=(*found.notes, note))
 
 
 def _played(experiment: Mapping[str, Any], result: Diagnosis) -> dict[str, Any]:

@@ -13,39 +13,12 @@ from driver.recording.csv_recording import write_csv
 from service.diagnosis.diagnosing import diagnose_recordings
 from service.diagnosis.request import DiagnoseRequest
 from service.models.model_file import read_model
+from tests.service.pendulum import URDF, pendulum
 
 STIFFNESS, COULOMB, LATE, RATIO = 21e3, 2.5, 3e-3, 121.0
 COUNT = 2e-6
 """rad of the encoders behind the gears; the motors' are as much finer as their gears turn faster."""
-LENGTHS, MASSES = (0.42, 0.31), (3.1, 1.9)
 NOISE = 0.2
-URDF = f"""<robot name='stranger'><link name='base'/>
-<link name='upper'><inertial><origin xyz='{LENGTHS[0]} 0 0'/><mass value='{MASSES[0]}'/>
-<inertia ixx='1e-6' iyy='1e-6' izz='1e-6' ixy='0' ixz='0' iyz='0'/></inertial></link>
-<link name='fore'><inertial><origin xyz='{LENGTHS[1]} 0 0'/><mass value='{MASSES[1]}'/>
-<inertia ixx='1e-6' iyy='1e-6' izz='1e-6' ixy='0' ixz='0' iyz='0'/></inertial></link>
-<joint name='shoulder' type='revolute'><parent link='base'/><child link='upper'/><origin rpy='1.5707963267948966 0 0'/>
-<axis xyz='0 0 1'/><limit lower='-3' upper='3' velocity='5' effort='90'/></joint>
-<joint name='elbow' type='revolute'><parent link='upper'/><child link='fore'/><origin xyz='{LENGTHS[0]} 0 0'/>
-<axis xyz='0 0 1'/><limit lower='-3' upper='3' velocity='5' effort='90'/></joint></robot>
-"""
-
-
-def pendulum(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """Torques of two point masses at the ends of two rods in a vertical plane, by hand."""
-    (l1, l2), (m1, m2), g = LENGTHS, MASSES, 9.81
-    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
-    cross = m2 * l1 * l2
-    far = m2 * g * l2 * np.cos(q.sum(axis=1))
-    elbow = m2 * l2**2 * ddq.sum(axis=1) + cross * (c * ddq[:, 0] + s * dq[:, 0] ** 2) + far
-    shoulder = (
-        (m1 + m2) * l1**2 * ddq[:, 0]
-        + m2 * l2**2 * ddq.sum(axis=1)
-        + cross * (c * (ddq[:, 0] + ddq.sum(axis=1)) - s * (dq[:, 1] ** 2 + 2.0 * dq[:, 0] * dq[:, 1]))
-        + (m1 + m2) * g * l1 * np.cos(q[:, 0])
-        + far
-    )
-    return np.column_stack([shoulder, elbow])
 
 
 def motion(t: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -138,3 +111,25 @@ def test_angles_of_some_motors_are_read_and_written(tmp_path: Path) -> None:
     left = write_csv(read, tmp_path / "again.csv")
     assert left.samples == 0
     np.testing.assert_array_equal(read_recording(tmp_path / "again.csv").q_motor, read.q_motor)
+
+
+def test_gears_that_cannot_be_judged_do_not_end_the_diagnosis(tmp_path: Path, urdf: Path) -> None:
+    """Their columns in one recording only, or a joint that stands still at its motor."""
+    whole, other = (recording(tmp_path / f"{k}.csv", k) for k in range(2))
+    header, *rows = other.read_text().splitlines()
+    column = header.split(",").index("q_motor_elbow")
+
+    def written(name: str, kept: int, value: str | None) -> Path:
+        path = tmp_path / name
+        fields = [line.split(",") for line in (header, *rows)]
+        for k, line in enumerate(fields):
+            line[column : column + 1] = [line[column] if k < kept else value] if value is not None else []
+        path.write_text("\n".join(",".join(line) for line in fields) + "\n")
+        return path
+
+    without = diagnose_recordings(DiagnoseRequest((whole, written("without.csv", 0, None)), arm=str(urdf))).answer
+    still = diagnose_recordings(DiagnoseRequest((written("still.csv", 1, "0.25"),), arm=str(urdf))).answer
+    for answer, said in ((without, "not every recording has the columns q_motor"), (still, "no gear is judged")):
+        assert not in_gears(answer)
+        assert ("coulomb_friction", "elbow") in {(f["effect"], f["joint"]) for f in answer["findings"]}
+        assert any(said in note for note in answer["notes"])
