@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from service.cli.console import publish
-from service.cli.options import JsonOption
+from service.cli.options import JsonOption, OfArmOption, require_same_arm
 
 app = typer.Typer(help="Look at models of arms.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -20,22 +20,26 @@ def model() -> None:
 
 
 @app.command("show")
-def show(model: ModelArgument, json: JsonOption = None) -> None:
+def show(model: ModelArgument, arm: OfArmOption = None, json: JsonOption = None) -> None:
     """Show a model: its effects, its base parameters, and what it was learnt from."""
     from service.models.store import model_path, named_model
     from service.reports.model_tables import model_report
 
     file = named_model(model)
+    require_same_arm(model, file.arm, arm)
     answer = {"file": str(model_path(model)), "address": file.address, **file.model_dump(mode="json", exclude={"urdf"})}
     publish(answer, json, *model_report(file))
 
 
 @app.command("diff")
-def diff(before: ModelArgument, after: ModelArgument, json: JsonOption = None) -> None:
+def diff(before: ModelArgument, after: ModelArgument, arm: OfArmOption = None, json: JsonOption = None) -> None:
     """Show what changes from one model to another."""
     from service.models.differences import model_difference
     from service.models.store import named_model
     from service.reports.model_tables import difference_report
 
-    answer = model_difference(named_model(before), named_model(after))
+    files = named_model(before), named_model(after)
+    for name, file in zip((before, after), files, strict=True):
+        require_same_arm(name, file.arm, arm)
+    answer = model_difference(*files)
     publish(answer, json, *difference_report(answer))

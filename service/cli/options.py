@@ -52,6 +52,7 @@ ArmOption = Annotated[
         help="Configured arm, or an installation file; for recordings also a URDF. [$ETUDE_ARM, else the running one]",
     ),
 ]
+OfArmOption = Annotated[str | None, typer.Option("--arm", metavar="NAME", help="Refuse what is of another arm.")]
 AttachedOption = Annotated[
     bool, typer.Option("--attached", help="Stop the arm when this client goes away; by default the session carries on.")
 ]
@@ -82,6 +83,12 @@ def refuse(options: Iterable[tuple[str, object]], problem: str, remedy: str) -> 
     for name, given in options:
         if given:
             raise InputError(name, problem, remedy)
+
+
+def require_same_arm(place: str, found: str | None, arm: str | None) -> None:
+    """Raise InputError for what is of arm ``found`` where another one was named; None is unknown, or not named."""
+    if arm and found is not None and found != (wanted := arm_to_ask(arm)):
+        raise InputError(place, f"is of arm {found}, not of {wanted}", f"name that arm: --arm {found}")
 
 
 def arm_to_start(arm: str | None) -> str:

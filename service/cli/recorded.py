@@ -14,11 +14,10 @@ from config.loader import installation_path
 from config.paths import state_directory
 from service import outcomes
 from service.cli.console import publish
-from service.cli.options import ArmOption, JsonOption, arm_to_ask
+from service.cli.options import ArmOption, JsonOption, OfArmOption, arm_to_ask, require_same_arm
 from service.sessions.store import Session, SessionRecord, SessionStore
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RECORDING")]
-OfArmOption = Annotated[str | None, typer.Option("--arm", metavar="NAME", help="Refuse what is of another arm.")]
 
 
 def recordings(arm: ArmOption = None, json: JsonOption = None) -> None:
@@ -99,7 +98,7 @@ def export(
         from service.models.store import named_model
 
         model = named_model(source)
-        _require_same_arm(source, model.arm, arm)
+        require_same_arm(source, model.arm, arm)
         exported = export_model(model, output)
         shown = [f"wrote {output}", *(f"not in it: {sentence}" for sentence in exported["not_written"])]
         publish({"source": source, **exported}, json, *shown)
@@ -193,12 +192,7 @@ def _require_arm(recording: Path, arm: str | None) -> None:
     from driver.recording import arm_made_with
 
     if arm and recording.is_file():  # what is none is for the command itself to refuse
-        _require_same_arm(str(recording), arm_made_with(recording), arm)
-
-
-def _require_same_arm(place: str, found: str | None, arm: str | None) -> None:
-    if arm and found is not None and found != (wanted := arm_to_ask(arm)):
-        raise InputError(place, f"is of arm {found}, not of {wanted}", f"name that arm: --arm {found}")
+        require_same_arm(str(recording), arm_made_with(recording), arm)
 
 
 def _stores(arm: str | None) -> list[SessionStore]:

@@ -84,3 +84,20 @@ def test_diff_tells_what_changed(kept: list[ModelFile], capsys: pytest.CaptureFi
     assert run(["model", "diff", "dda@2", "dda@2"]) == outcomes.DONE
     assert "no difference" in capsys.readouterr().out
     assert run(["model", "show", "scara"]) == outcomes.BAD_INPUT
+
+
+def test_models_are_held_against_the_arm_that_was_named(
+    kept: list[ModelFile], capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = model_file("own", ArmModel(load_rigid_body(URDF), (friction(2.0),)), "named", [], version=1)
+    keep_model(other)
+    assert run(["model", "show", "dda", "--arm", "dda"]) == outcomes.DONE
+    assert run(["model", "diff", "dda@1", "dda@2", "--arm", "dda"]) == outcomes.DONE
+    capsys.readouterr()
+    for arguments, said in (
+        (["show", "dda@1", "--arm", "own"], "dda@1: is of arm dda, not of own; name that arm: --arm dda"),
+        (["diff", "dda", "own", "--arm", "dda"], "own: is of arm own, not of dda; name that arm: --arm own"),
+    ):
+        assert run(["model", *arguments]) == outcomes.BAD_INPUT
+        shown = capsys.readouterr()
+        assert (shown.out, shown.err) == ("", f"etude: {said}\n")
