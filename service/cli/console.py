@@ -32,17 +32,32 @@ def publish(answer: Mapping[str, Any], json_to: str | None, *shown: RenderableTy
     With ``--json -`` standard output carries the JSON alone. Raises InputError when the file cannot be written.
     """
     if json_to is not None:
-        text = json.dumps(finite(answer), indent=1, allow_nan=False, ensure_ascii=False)
+        _write_json(answer, json_to, indent=1)
         if json_to == STDOUT:
-            print(text)
             return
-        try:
-            write_atomically(Path(json_to), text + "\n")
-        except OSError as error:
-            raise InputError(json_to, f"the answer cannot be written here ({error.strerror})") from None
     console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else WIDTH)
     for item in shown:
         console.print(item)
+
+
+def announce(answer: Mapping[str, Any], json_to: str | None) -> None:
+    """Give the answer of a command that is ready and goes on serving: one line where ``--json`` says, at once.
+
+    Raises InputError when the file cannot be written.
+    """
+    if json_to is not None:
+        _write_json(answer, json_to, indent=None)
+
+
+def _write_json(answer: Mapping[str, Any], json_to: str, indent: int | None) -> None:
+    text = json.dumps(finite(answer), indent=indent, allow_nan=False, ensure_ascii=False)
+    if json_to == STDOUT:
+        print(text, flush=True)  # a pipe is read while the command goes on
+        return
+    try:
+        write_atomically(Path(json_to), text + "\n")
+    except OSError as error:
+        raise InputError(json_to, f"the answer cannot be written here ({error.strerror})") from None
 
 
 class ProgressSink(Protocol):

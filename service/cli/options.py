@@ -27,8 +27,9 @@ def _json_target(given: str | None) -> str | None:
     if given is None or given == STDOUT:
         return given
     path = Path(given)
-    if path.is_dir():
-        raise InputError(f"--json {given}", "is a directory", "name a file, or - for standard output")
+    if path.exists() and not path.is_file():  # a device or a pipe would be replaced by the answer, not written to
+        what = "is a directory" if path.is_dir() else "is no regular file"
+        raise InputError(f"--json {given}", what, "name a file, or - for standard output")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         why = "no permission to write there" if path.parent.is_dir() else f"there is no directory {path.parent}"
         raise InputError(f"--json {given}", f"the answer cannot be written here ({why})", "name another file")

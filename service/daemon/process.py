@@ -7,9 +7,10 @@ import logging
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 
-from config import Installation, load_installation
+from config import Installation
 from config.paths import run_directory, state_directory
 from driver.arm import ArmLoop
 from service.cli.console import say
@@ -28,22 +29,21 @@ from service.sessions.store import SessionStore
 log = logging.getLogger(__name__)
 
 
-def run_daemon(config: str, *, lockstep: bool) -> None:
-    """Serve the arm of the installation ``config`` until SIGTERM or SIGINT.
+def run_daemon(installation: Installation, *, lockstep: bool, ready: Callable[[], None]) -> None:
+    """Serve the installation's arm until SIGTERM or SIGINT. ``ready`` is called once, when clients are served.
 
     Raises InputError with one sentence when the arm cannot be served, ArmStopped when the cyclic loop ends by itself;
     nothing is left running then.
     """
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
-    installation = load_installation(config)
     lock = ArmLock(run_directory(), installation.arm.name)
     try:
-        asyncio.run(_serve(installation, lockstep))
+        asyncio.run(_serve(installation, lockstep, ready))
     finally:
         lock.release()
 
 
-async def _serve(installation: Installation, lockstep: bool) -> None:
+async def _serve(installation: Installation, lockstep: bool, ready: Callable[[], None]) -> None:
     arm = installation.arm.name
     ending = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
@@ -66,6 +66,7 @@ async def _serve(installation: Installation, lockstep: bool) -> None:
         stack.push_async_callback(server.close)
         # First of all, while clients are still connected: the session's end is their answer.
         stack.push_async_callback(conductor.end, "the daemon was asked to end")
+        ready()
         if not notify("READY=1", f"STATUS=serving {arm}"):
             say(f"etude daemon: serving {arm} at {control_socket(run_directory(), arm)}")
         asked = asyncio.create_task(ending.wait())

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from config import InputError
+from config import InputError, load_installation
 from driver.recording import read_recording
 from service.daemon.client import DaemonClient, DaemonDefect
 from service.daemon.process import run_daemon
@@ -102,7 +102,7 @@ def _serve(log: Path) -> None:
         os.dup2(fd, 1)
         os.dup2(fd, 2)
         try:
-            run_daemon(ARM, lockstep=True)
+            run_daemon(load_installation(ARM), lockstep=True, ready=lambda: None)
             code = 0
         except (InputError, ArmStopped) as error:
             os.write(2, f"{error}\n".encode())

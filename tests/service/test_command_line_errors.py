@@ -162,7 +162,12 @@ def test_an_interface_that_is_not_there(house: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "said"), [("/nowhere/answer.json", "there is no directory /nowhere"), (".", "is a directory")]
+    ("target", "said"),
+    [
+        ("/nowhere/answer.json", "there is no directory /nowhere"),
+        (".", "is a directory"),
+        ("/dev/null", "is no regular file"),
+    ],
 )
 def test_an_answer_that_cannot_be_written_is_refused_before_anything_is_done(
     target: str, said: str, house: Any, capsys: pytest.CaptureFixture[str]
@@ -185,6 +190,22 @@ def test_a_recording_is_held_against_the_arm_that_was_named(house: Any, capsys: 
     assert cut.read_bytes() == before
     assert run(["recover", str(cut), "--arm", str(house.arm_files())]) == 0
     assert run(["replay", str(cut), "--arm", "dda"]) == 0
+
+
+def test_what_serves_is_held_against_the_arm_that_was_named(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    config = str(house.arm_files())
+    for command in ("daemon", "virtual"):
+        told = sentence(capsys, 2, command, "--config", config, "--arm", "puma600")
+        assert told == f"etude: --config {config}: is of arm dda, not of puma600; name that arm: --arm dda"
+
+
+def test_the_demo_is_of_one_arm(house: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    out = house.folder / "demo"
+    for other in ("puma600", str(house.arm_files("seven"))):
+        told = sentence(capsys, 2, "demo", "--out", str(out), "--arm", other)
+        assert "thesis' tables" in told
+        assert f"etude up --virtual --arm {other}, then etude identify links" in told
+    assert not out.exists()
 
 
 def test_sessions_are_found_by_the_arms_installation_file(house: Any, capsys: pytest.CaptureFixture[str]) -> None:

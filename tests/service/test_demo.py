@@ -17,7 +17,7 @@ from service.demo.thesis_tables import TABLE_4_1, TABLE_4_2
 @pytest.mark.timeout(600)
 def test_the_demo_ends_beside_the_thesis_tables(house: Any, tmp_path: Path) -> None:
     out = tmp_path / "demo"
-    process = house.popen("demo", "--out", str(out), "--json", str(tmp_path / "demo.json"))
+    process = house.popen("demo", "--arm", "dda", "--out", str(out), "--json", str(tmp_path / "demo.json"))
     told, progress = process.communicate(timeout=580)
     assert process.returncode == 0, progress
     answer = json.loads((tmp_path / "demo.json").read_text())
