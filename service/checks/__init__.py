@@ -8,6 +8,7 @@ from config import Installation
 from service.checks.buses import check_buses
 from service.checks.description import check_description
 from service.checks.finding import Finding
+from service.checks.floor import check_floor
 from service.checks.places import check_places
 from service.checks.realtime import check_realtime
 from service.checks.sensors import check_sensors
@@ -18,6 +19,7 @@ __all__ = ["Finding", "run_checks"]
 CHECKS: tuple[Callable[[Installation], Iterator[Finding]], ...] = (
     check_description,
     check_servos,
+    check_floor,
     check_places,
     check_realtime,
     check_buses,

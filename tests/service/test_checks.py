@@ -12,6 +12,7 @@ import pytest
 from config import load_installation
 from service.checks import run_checks
 from service.checks.description import check_description
+from service.checks.floor import check_floor
 from service.checks.realtime import preemption
 from service.checks.sensors import check_sensors
 from service.checks.servos import check_servos
@@ -77,3 +78,19 @@ def test_gains_that_would_shake_the_arm_are_found_without_moving_it(house: Any) 
     assert found["servo gains, csp"].verdict == "warn"
     assert "joint3 would swing at" in found["servo gains, csp"].detail
     assert found["digital gains, cst"].verdict == "ok"
+
+
+def test_a_home_below_the_floor_is_found_as_a_design_finds_it(house: Any) -> None:
+    assert list(check_floor(load_installation("puma600"))) == [], "no floor is configured"
+    config = house.arm_files("puma600")
+    text = config.read_text()
+    assert text.count("\nhome_rad") == 1
+    for floor, verdict, said in (
+        (-0.2, "fail", "the arm's home is 0.0438 m below -0.2 m"),
+        (-0.3, "ok", "above -0.3 m"),
+    ):
+        config.write_text(text.replace("\nhome_rad", f"\nfloor_m = {floor}\nhome_rad"))
+        found = {f.subject: f for f in run_checks(load_installation(str(config)))}["arm.floor_m"]
+        assert found.verdict == verdict
+        assert said in found.detail
+        assert (found.remedy != "") == (verdict == "fail")
