@@ -78,7 +78,9 @@ def searched(evidence: Evidence, before: Searched | None = None) -> Searched:
     channels' timings; ``before``: what was found with laws that were less sharp."""
     design, tolerance = evidence.design, evidence.tolerance
     if before is None:
-        scores = Scores(design, evidence.blocks, evidence.folds, evidence.noise.news, other_errors(evidence))
+        noise = evidence.noise
+        assumed = not noise.playings
+        scores = Scores(design, evidence.blocks, evidence.folds, noise.news, other_errors(evidence), assumed)
         chosen = Search(scores).run()
     else:
         scores = before.widest.sharper(design, evidence.blocks)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.diagnosis.scores import BORNE_OUT, Scores
+
+Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.002
 """Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
@@ -12,7 +15,11 @@ is worked out from a noise that is itself estimated, and a diagnosis takes sever
 _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
 _REST = 10.0
-"""Times what is left beyond the noise, and at least the noise, that a cause explains which completes the model."""
+"""Times what is left beyond the noise that a cause explains which completes the model; where the noise is assumed, so
+that nothing tells whether the others' laws fit, at least the noise."""
+_SEEN = 3.0
+"""Likewise, times what is seen to be left as a function of something: mostly the shapes of the grid, before they are
+refined."""
 LEAST_SEEN = 0.01
 """Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
@@ -107,12 +114,14 @@ class Admission:
         channels = list(self.design.candidates[candidate].channels)
         return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
 
-    def told(self, candidate: int, chosen: list[int]) -> float:
-        """What a cause explains, with all of its recurrences, in multiples of a trifle."""
+    def told(self, candidate: int, chosen: list[int], misfit: Array) -> float:
+        """What a cause explains, with all of its recurrences, in multiples of a trifle; ``misfit`` (channels,) what
+        the chosen leave to be seen, of the noise's variance."""
         rows = self.scores.total.rows
         before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
-        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(_REST * (after - 1.0), 1.0))
+        left = np.maximum(_REST * (after - 1.0), _SEEN * misfit)
+        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(left, 1.0 if self.scores.assumed else 0.0))
         own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
         lost = self.scores.explained(own, [c for c in chosen if c not in own])
         channels = list(self.design.candidates[candidate].channels)

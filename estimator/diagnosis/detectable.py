@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +18,8 @@ Array = NDArray[np.float64]
 
 def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, dict[int | None, float]], dict[str, str]]:
     """By effect and joint: the value of the effect's first measured parameter at which the expected evidence reaches
-    the threshold, all other coefficients of the effect zero; and by effect the parameter's unit (two where some joints
-    turn and others slide). What the motion cannot show at all is left out."""
+    the threshold whatever its shape, all other coefficients of the effect zero; and by effect the parameter's unit (two
+    where some joints turn and others slide). What the motion cannot show at all is left out."""
     design, model = scores.design, scores.model(chosen)
     chance = -np.log(FALSE_ALARM / scores.chance.tests)
     threshold = max(chance, 0.5 * LEAST_SEEN * scores.total.rows)
@@ -37,10 +39,10 @@ def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, di
             told = _parameter(hypothesis, candidate, float(np.sqrt(2.0 * threshold / visible)))
             if told is None:
                 continue
-            parameter, size, parameters = told
+            parameter, size, parameters, faintest = told
             own = result.setdefault(hypothesis.effect.name, {})
             joint = hypothesis.place.joint
-            own[joint] = max(size, own.get(joint, 0.0))
+            own[joint] = faintest(size, own.get(joint, size))
             unit = unit_of(hypothesis, parameter, parameters, design.body)
             units.setdefault(hypothesis.effect.name, {})[unit] = None
     return result, {name: ", ".join(own) for name, own in units.items()}
@@ -48,10 +50,10 @@ def smallest_detectable(scores: Scores, chosen: list[int]) -> tuple[dict[str, di
 
 def _parameter(
     hypothesis: Hypothesis, candidate: Candidate, coefficient: float
-) -> tuple[str, float, Parameters] | None:
+) -> tuple[str, float, Parameters, Callable[[float, float], float]] | None:
     """The first parameter that the first coefficient changes: by how much that coefficient changes it, or its value
-    where the effect's absence is no number (an endless stiffness); and all that it then has. None when there is no such
-    parameter."""
+    where the effect's absence is no number (an endless stiffness); all that it then has; and which of two sizes hides
+    less. None when there is no such parameter."""
     x = np.zeros(len(candidate.columns))
     absent = hypothesis.effect.parameters(hypothesis.place, candidate.theta, x)
     x[0] = coefficient if candidate.upper[0] > 0.0 else -coefficient
@@ -59,7 +61,9 @@ def _parameter(
     for name, value in present.items():
         without = absent.get(name, np.inf)
         if isinstance(value, float) and isinstance(without, float) and value != without and np.isfinite(value):
-            return name, abs(value - without) if np.isfinite(without) else abs(value), present
+            return (
+                (name, abs(value - without), present, max) if np.isfinite(without) else (name, abs(value), present, min)
+            )
     return None
 
 

@@ -14,8 +14,9 @@ from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import AMBIGUOUS, Cause
+from estimator.diagnosis.search import Cause
 from estimator.rigid_body import RigidBody
 
 _SHOWN = 5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,9 +58,10 @@ def judge(evidence: Evidence) -> Judged:
         sharp = sharpened(evidence, found, causes, refined)
         if sharp is None:
             break
-        again = searched(sharp, found)
+        stood = [cause.candidate for cause in causes]
+        again = searched(sharp, replace(found, chosen=stood))
         # What stood, and explains even more with a sharper shape, does not fall by it.
-        if again.scores.support(found.chosen) > again.scores.support(again.chosen) + WORTH:
+        if again.scores.support(stood) > again.scores.support(again.chosen) + WORTH:
             break
         evidence, found = sharp, again
         causes, refined = _standing(found)
@@ -74,7 +75,8 @@ def judge(evidence: Evidence) -> Judged:
 
 def _standing(found: Searched) -> tuple[list[Cause], Refined]:
     """The causes of a search that stand by their best shapes."""
-    return _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
+    causes, refined = _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
+    return _simpler(found.evidence, found.scores, causes, refined)
 
 
 def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
@@ -105,7 +107,7 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
     kept = list(causes)
     while True:
         chosen = [cause.candidate for cause in kept]
-        refined = refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+        refined = _fitted(evidence, scores, chosen)
         beyond = {
             k: _beyond_nothing(refined, number) / SIGNIFICANT
             if scores.recurs(k)
@@ -116,6 +118,43 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         if least is None or beyond[least] > 1.0:
             return kept, refined
         kept = Search(scores).judged([k for k in chosen if k != least])
+
+
+def _simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
+    """The causes with special cases in the place of a law that is, at its best shape, without what it is named for:
+    where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
+    search = Search(scores)
+    for cause in causes:
+        chosen = [c.candidate for c in causes]
+        own = _as_named(refined, chosen.index(cause.candidate)) if cause.candidate in chosen else np.inf
+        if own > SIGNIFICANT:
+            continue
+        trial = search.judged(search.pruned(search.special(cause.candidate, chosen)))
+        fitted = _fitted(evidence, scores, [c.candidate for c in trial])
+        if trial and (own == 0.0 or _support(scores, trial, fitted) > _support(scores, causes, refined)):
+            causes, refined = trial, fitted
+    return causes, refined
+
+
+def _fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
+    return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+
+
+def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:
+    """nats that the causes explain at their best shapes, less their penalty."""
+    return refined.explained - scores.penalty([cause.candidate for cause in causes])
+
+
+def _as_named(refined: Refined, number: int) -> float:
+    """Standard errors by which that differs from zero without which a cause would be another law; zero where a part of
+    it is not there."""
+    fitted = refined.design.candidates[number]
+    named = list(refined.design.hypotheses[fitted.hypothesis].effect.named_for)
+    if not named:
+        return np.inf
+    value = refined.coefficients(number)
+    errors = np.sqrt(np.diag(refined.covariance_of(number)))[-len(value) :]
+    return float(np.min(np.abs(value[named]) / errors[named]))
 
 
 def _told(refined: Refined, number: int) -> float:

@@ -60,6 +60,14 @@ def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
     return {channel: _most_surprising(scores, chosen, own) for channel, own in found.items()}
 
 
+def left_to_see(scores: Scores, chosen: list[int]) -> Array:
+    """(channels,) of the noise's variance, what the chosen candidates leave that is told of a map."""
+    left = np.zeros(len(scores.design.channels))
+    for channel, misfit in misfits(scores, chosen).items():
+        left[channel] = misfit.variance if misfit.told else 0.0
+    return left
+
+
 def _most_surprising(scores: Scores, chosen: list[int], found: list[Misfit]) -> Misfit:
     """The first of those that are told, else the first."""
     ranked = sorted(found, key=lambda misfit: misfit.false_alarm)

@@ -37,6 +37,11 @@ class Refined:
     """(size + thetas, size + thetas): of ``value``, then each candidate's theta."""
     model: Conditional
 
+    @property
+    def explained(self) -> float:
+        """nats above the given model's log-likelihood."""
+        return 0.5 * float(self.model.right[self.model.active] @ self.model.value)
+
     def coefficients(self, candidate: int) -> Array:
         return np.asarray(self.value[self.design.candidates[candidate].columns])
 

@@ -41,11 +41,12 @@ class Scores:
         folds: Sequence[int],
         news: Array | None = None,
         exchange: Exchange | None = None,
+        assumed: bool = False,
     ) -> None:
         """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
         independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchange`` what the
-        playings of repeated motions tell of each other."""
-        self.design = design
+        playings of repeated motions tell of each other; ``assumed`` whether the noise is, for want of playings."""
+        self.design, self.assumed = design, assumed
         self.total = total(blocks)
         self.groups = groups_of(design)
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])

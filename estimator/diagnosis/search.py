@@ -6,29 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from scipy.stats import chi2
-
 from estimator.diagnosis.admission import RECURRING, Admission
 from estimator.diagnosis.design import Candidate
+from estimator.diagnosis.lack_of_fit import left_to_see
+from estimator.diagnosis.rivals import Alternative, rivals
 from estimator.diagnosis.scores import BORNE_OUT, Scores
+from estimator.effects import Law
 
-AMBIGUOUS = 3.0
-"""nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
-_ONE_IN = 0.05
-"""Probability that chance alone lets a wider law explain so much more than the one that it contains."""
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up."""
 _TURNS = 3
 """Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A candidate that could stand in for a cause, and how many nats behind it is."""
-
-    candidate: int
-    gap: float
 
 
 @dataclass(frozen=True)
@@ -42,6 +31,16 @@ class Cause:
     held_out: float
     """Log-likelihood gained on blocks left out, in standard errors."""
     alternatives: tuple[Alternative, ...] = ()
+
+
+def _made_of(effect: Law) -> Iterator[tuple[str, ...]]:
+    """The names of effects that could stand for one together: some that it contains, alone or with what it is made
+    with."""
+    names = effect.contains
+    for count in range(1, len(names) + 1):
+        for some in combinations(names, count):
+            yield some
+            yield from ((*some, other) for other in effect.made_with)
 
 
 class Search:
@@ -58,23 +57,23 @@ class Search:
         """The candidates of all causes; ``start``: those of other scores, to begin with."""
         if start:
             self.scores.reweigh(start)
-        chosen = self._grown(self._pruned(list(start)))
+        chosen = self._grown(self.pruned(list(start)))
         if (divided := self._divided(chosen)) != chosen:
             chosen = self._grown(divided)
         for _ in range(_TURNS):
-            before = self._pruned(self._swapped(chosen))
+            before = self.pruned(self._swapped(chosen))
             chosen = self._standing(before)
             if set(chosen) == set(before):
                 break
             self._fallen |= {int(self.scores.owner[k]) for k in set(before) - set(chosen)}
             chosen = self._grown(chosen)
-        return self._telling(self._standing(self._pruned(chosen)))
+        return self._telling(self._standing(self.pruned(chosen)))
 
     def again(self, chosen: list[int]) -> list[int]:
         """The candidates of all causes, where these were under other scores: they still are, unless one more is
         supported."""
         self.scores.reweigh(chosen)
-        return chosen if next(self._steps(chosen), None) is None else self.run()
+        return chosen if next(self._steps(chosen), None) is None else self.run(chosen)
 
     def judged(self, chosen: Sequence[int]) -> list[Cause]:
         """These candidates with their evidence beside each other, the one with most first."""
@@ -103,27 +102,23 @@ class Search:
                 return
             if self.admission.admitted(candidate, chosen):
                 grown = [*chosen, candidate]
-                yield self._pruned(self._merged(self._simplified(grown), self._joint(candidate)))
+                yield self.pruned(self._merged(self._simplified(grown), self._joint(candidate)))
 
     def _simplified(self, chosen: list[int]) -> list[int]:
-        """Replaces an effect by special cases of it when they are as well supported."""
+        """Replaces an effect by special cases of it, or by what it can be made with, when they are as well
+        supported."""
         for k in chosen:
-            candidate = self.design.candidates[k]
-            hypothesis = self.design.hypotheses[candidate.hypothesis]
-            if not hypothesis.effect.contains:
-                continue
-            others = [c for c in chosen if c != k]
-            names = hypothesis.effect.contains
-            best, support = chosen, self.scores.support(chosen)
-            for count in range(1, len(names) + 1):
-                for some in combinations(names, count):
-                    if not (parts := self._parts(some, candidate, others)):
-                        continue
-                    trial = [*others, *parts]
-                    if (value := self.scores.support(trial)) > support:
-                        best, support = trial, value
-            chosen = best
+            trial = self.special(k, chosen)
+            if trial and self.scores.support(trial) > self.scores.support(chosen):
+                chosen = trial
         return chosen
+
+    def special(self, candidate: int, chosen: list[int]) -> list[int]:
+        """The best supported special cases in the place of a cause, beside the others that were ``chosen``; empty where
+        there are none."""
+        hypothesis, others = self.scores.hypothesis(candidate), [c for c in chosen if c != candidate]
+        made = (self._parts(some, self.design.candidates[candidate], others) for some in _made_of(hypothesis.effect))
+        return max(([*others, *parts] for parts in made if parts), key=self.scores.support, default=[])
 
     def _parts(self, names: Sequence[str], candidate: Candidate, others: Sequence[int]) -> list[int]:
         """The candidates of these effects at the same place that add most to the others, each beside the rest of them:
@@ -184,7 +179,7 @@ class Search:
     def _joint(self, candidate: int) -> int | None:
         return self.scores.hypothesis(candidate).place.joint
 
-    def _pruned(self, chosen: list[int]) -> list[int]:
+    def pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous or impossible, the least supported first."""
         while wrong := self.admission.beyond_limits(chosen, slack=1.0):
             chosen = [c for c in chosen if c != wrong[0]]
@@ -205,44 +200,14 @@ class Search:
                 if k not in chosen:
                     continue
                 others = [c for c in chosen if c != k]
-                rivals = [r.candidate for r in self._rivals(k, chosen)[:3] if r.gap < 0.0]
-                rivals = [r for r in rivals if self.admission.admitted(r, others)]
-                best = max(rivals, key=lambda c: self.scores.support([*others, c]), default=k)
+                better = [r.candidate for r in rivals(self.admission, k, chosen)[:3] if r.gap < 0.0]
+                better = [r for r in better if self.admission.admitted(r, others)]
+                best = max(better, key=lambda c: self.scores.support([*others, c]), default=k)
                 if self.scores.support([*others, best]) > self.scores.support(chosen):
                     chosen = self._simplified([*others, best])
             if set(before) == set(chosen):
                 break
         return chosen
-
-    def _rivals(self, candidate: int, chosen: list[int]) -> list[Alternative]:
-        """What could stand in a cause's stead, nearest first. What a rival explains beside the cause as well, it does
-        not explain in its stead. A freedom costs a nat here, what chance makes of it: that a law is simpler is no
-        evidence that it is true, but between a law and one that contains it. The wider one is as good where chance
-        would not explain so much more."""
-        own, scores = self.scores.owner[candidate], self.scores
-        others = [c for c in chosen if c != candidate]
-        beside = {int(scores.owner[k]): max(gain, 0.0) for k, gain, _ in scores.ranked(chosen)}
-        rows = scores.ranked(others)
-        mine = next((row for row in rows if scores.owner[row[0]] == own), None)
-        if mine is None:
-            return []
-        result = []
-        for k, gain, supported in rows:
-            if scores.owner[k] == own:
-                continue
-            shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
-            wider = self.admission.contained(candidate, k)
-            if wider or self.admission.contained(k, candidate):
-                gap = mine[2] - supported
-            else:
-                gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
-            if wider:
-                # A law of which the motion shows a part alone may have no more freedom than the one it contains.
-                more = max(scores.size(k) - scores.size(mine[0]), 1)
-                by_chance = 0.5 * float(chi2.isf(_ONE_IN, more))
-                gap = min(gap, AMBIGUOUS + by_chance - (gain - mine[1]))
-            result.append(Alternative(k, gap))
-        return sorted(result, key=lambda rival: rival.gap)
 
     def _standing(self, chosen: list[int]) -> list[int]:
         """Without causes that, given all others, do not improve what is predicted of rows left out, or do not recur
@@ -260,8 +225,9 @@ class Search:
         """Without causes that explain a trifle of what any model could, or of the noise, wherever they act: they mend
         the others' forms, or the noise's, and their names would mislead. A cause that explains all but the noise of
         what is left without it is none of these. All orders of a periodic law are judged as one."""
+        misfit = left_to_see(self.scores, chosen)
         while chosen:
-            told = {k: self.admission.told(k, chosen) for k in chosen}
+            told = {k: self.admission.told(k, chosen, misfit) for k in chosen}
             least = min(told, key=lambda k: told[k])
             if told[least] > 1.0:
                 break
@@ -276,5 +242,5 @@ class Search:
         false_alarm = self.scores.chance.false_alarm(own, gain)
         held_out = self.scores.held_out(candidate, others)
         # A rival that fits better and was not admitted is no better than the cause.
-        rivals = (Alternative(r.candidate, max(r.gap, 0.0)) for r in self._rivals(candidate, chosen))
-        return Cause(candidate, gain, false_alarm, held_out, tuple(rivals))
+        near = (Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen))
+        return Cause(candidate, gain, false_alarm, held_out, tuple(near))

@@ -6,8 +6,11 @@ something, which then has other names or is told as unexplained.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from estimator.diagnosis.accuracy import Searched
 from estimator.diagnosis.design import Design
@@ -16,6 +19,8 @@ from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.search import Cause
 
+Array = NDArray[np.float64]
+
 WORTH = 10.0
 """nats that the refined shapes explain more than those of the grid: what is less has no name of its own."""
 
@@ -23,15 +28,32 @@ WORTH = 10.0
 def sharpened(evidence: Evidence, found: Searched, causes: Sequence[Cause], refined: Refined) -> Evidence | None:
     """``evidence``, in which the causes were ``found``, with the shapes of ``refined`` in the place of theirs; None
     where they explain hardly more."""
-    model, scores, chosen = refined.model, found.scores, [cause.candidate for cause in causes]
-    explained = 0.5 * float(model.right[model.active] @ model.value)
-    if explained < scores.support(chosen) + scores.penalty(chosen) + WORTH:
+    scores, chosen = found.scores, [cause.candidate for cause in causes]
+    if refined.explained < scores.support(chosen) + scores.penalty(chosen) + WORTH:
         return None
-    candidates = list(evidence.design.candidates)
+    candidates, changed = list(evidence.design.candidates), set(chosen)
     for k, fitted in zip(chosen, refined.design.candidates, strict=True):
-        candidates[k] = replace(candidates[k], theta=fitted.theta)
+        for own in (k, *_of_the_same_shape(evidence.design, k, fitted.theta)):
+            if own == k or own not in changed:
+                candidates[own] = replace(candidates[own], theta=fitted.theta)
+                changed.add(own)
     design = replace(evidence.design, candidates=tuple(candidates))
-    return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, chosen)))
+    return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(changed))))
+
+
+def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[int]:
+    """Of each law that contains a candidate's and is shaped by the same, as by the sharpness of a sign, the nearest
+    candidate: it is to be compared with what it contains, and not with its sharpness."""
+    own = design.hypotheses[design.candidates[candidate].hypothesis]
+    for number, wider in enumerate(design.hypotheses):
+        if wider.place != own.place or own.effect.name not in wider.effect.contains:
+            continue
+        if not own.effect.hidden or wider.effect.hidden != own.effect.hidden:
+            continue
+        forms = [k for k, other in enumerate(design.candidates) if other.hypothesis == number]
+        forms = [k for k in forms if len(design.candidates[k].theta) == len(theta)]
+        if forms:
+            yield min(forms, key=lambda k: float(np.linalg.norm(design.candidates[k].theta - theta)))
 
 
 def _blocks(evidence: Evidence, design: Design, changed: Sequence[int]) -> list[Block | Sheet]:

@@ -31,6 +31,7 @@ class AsymmetricFriction(JointEffect):
     hidden = (0,)
     confused_with = ("torque_offset", "stribeck_friction")
     contains = ("coulomb_friction", "viscous_friction")
+    made_with = ("torque_offset",)
     seen_against = "dq"
     experiment = "move {joint} at a high constant speed, both ways, and rest between"
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 SHARP = 1e-3
 """Width of the sigmoid that stands for the sign, rad/s, in a model."""
-WIDTHS = (0.003, 0.02, 0.08)
+WIDTHS = (0.0005, 0.003, 0.02, 0.08)
 """Widths to try, as shares of the joint's rms speed."""
 
 

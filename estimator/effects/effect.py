@@ -61,6 +61,8 @@ class Law(ABC):
     """Of its parameters, in the form that it mostly has."""
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one at the same joint: when they fit as well, they are preferred."""
+    made_with: ClassVar[tuple[str, ...]] = ()
+    """Effects that together with those it contains make much the same torque; preferred likewise."""
     experiment: ClassVar[str]
     """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint."""
     seen_against: ClassVar[SeenAgainst] = "law"

@@ -40,7 +40,7 @@ def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(scores: Scores, m
     def nothing(_: Search, chosen: Sequence[int]) -> list[int]:
         return []
 
-    monkeypatch.setattr(Search, "_pruned", nothing)
+    monkeypatch.setattr(Search, "pruned", nothing)
     assert Search(scores).run() == []
 
 

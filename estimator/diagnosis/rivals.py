@@ -1,0 +1,75 @@
+"""What could stand in a cause's stead, and how far behind it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.scores import Scores
+
+AMBIGUOUS = 3.0
+"""nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
+_ONE_IN = 0.05
+"""Probability that chance alone lets a wider law explain so much more than the one that it contains."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A candidate that could stand in for a cause, and how many nats behind it is."""
+
+    candidate: int
+    gap: float
+
+
+def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alternative]:
+    """Of a cause among all that were ``chosen``, nearest first.
+
+    What a rival explains beside the cause as well, it does not explain in its stead. A freedom costs a nat here, what
+    chance makes of it: that a law is simpler is no evidence that it is true, but between a law and one that contains
+    it. The wider one is as good where chance would not explain so much more. One that contains other causes of the same
+    place may stand for them too.
+    """
+    scores = admission.scores
+    own, place = scores.owner[candidate], scores.hypothesis(candidate).place
+    others = [c for c in chosen if c != candidate]
+    beside = {int(scores.owner[k]): max(gain, 0.0) for k, gain, _ in scores.ranked(chosen)}
+    rows = scores.ranked(others)
+    mine = next((row for row in rows if scores.owner[row[0]] == own), None)
+    if mine is None:
+        return []
+    result = []
+    for k, gain, supported in rows:
+        if scores.owner[k] == own:
+            continue
+        shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
+        wider = admission.contained(candidate, k)
+        if wider or admission.contained(k, candidate):
+            gap = mine[2] - supported
+        else:
+            gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+        if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
+            instead = _instead(admission, k, [c for c in chosen if c != candidate])
+            more = _explained(scores, instead) - _explained(scores, chosen)
+            freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
+            if wider:
+                # A law of which the motion shows a part alone may have no more freedom than those it contains.
+                gap = min(gap, AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more)
+            else:
+                gap = min(gap, freedom - more)
+        result.append(Alternative(k, gap))
+    return sorted(result, key=lambda rival: rival.gap)
+
+
+def _instead(admission: Admission, candidate: int, others: list[int]) -> list[int]:
+    """A law, at the shape that suits it best, beside those of the others that it does not contain."""
+    scores = admission.scores
+    left = [c for c in others if not admission.contained(c, candidate)]
+    same = np.flatnonzero(scores.owner == scores.owner[candidate])
+    return [*left, int(same[np.argmax(scores.gains(left)[same])])]
+
+
+def _explained(scores: Scores, chosen: list[int]) -> float:
+    return scores.support(chosen) + scores.penalty(chosen)

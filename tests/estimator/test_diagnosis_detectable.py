@@ -1,0 +1,57 @@
+"""The smallest size that would have been seen: whatever shape the effect has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.detectable import smallest_detectable
+from estimator.diagnosis.evidence import gather
+from estimator.diagnosis.scores import Scores
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def scores(
+    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> Scores:
+    """Of two joints and nothing hidden."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        recordings += [Trajectory(t, q, tau + 0.2 * random.normal(size=q.shape)) for _ in range(2)]
+    evidence = gather(body, recordings, 0.05)
+    return Scores(evidence.design, evidence.blocks, evidence.folds)
+
+
+def told_by_shape(scores: Scores, effect: str, joint: int) -> list[tuple[Array, float]]:
+    """Of each shape of an effect, its theta and the coefficient that is one standard error, as the links bend."""
+    found = []
+    for k, candidate in enumerate(scores.design.candidates):
+        hypothesis = scores.hypothesis(k)
+        if (hypothesis.effect.name, hypothesis.place.joint) == (effect, joint):
+            matrix, _, _ = scores.model([]).left_of(candidate.columns[:1])
+            found.append((candidate.theta, float(1.0 / np.sqrt(matrix[0, 0]))))
+    return found
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_spring_that_would_have_been_seen_is_as_soft_as_its_faintest_shape(scores: Scores, joint: int) -> None:
+    """Of a stiffness, which is endless where there is no elasticity, the smallest value is the largest effect."""
+    sizes, units = smallest_detectable(scores, [])
+    softest = min(theta[0] / error for theta, error in told_by_shape(scores, "joint_elasticity", joint))
+    assert units["joint_elasticity"] == "N·m/rad"
+    assert 0.1 * softest < sizes["joint_elasticity"][joint] < softest / 2.0
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_level_that_would_have_been_seen_is_that_of_its_faintest_shape(scores: Scores, joint: int) -> None:
+    sizes, _ = smallest_detectable(scores, [])
+    faintest = max(error for _, error in told_by_shape(scores, "coulomb_friction", joint))
+    assert 2.0 * faintest < sizes["coulomb_friction"][joint] < 10.0 * faintest

@@ -1,0 +1,97 @@
+"""What hides behind friction of every joint, as all arms have it: effects no larger than twice the noise, beside
+friction that is four times as large. The friction's laws here are not those of the catalogue's files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.rivals import AMBIGUOUS
+
+Array = NDArray[np.float64]
+Law = Callable[[Array, Array, Array], Array]
+
+NOISE = np.array([0.5, 0.6, 0.4, 0.2, 0.1, 0.05])
+"""N·m, white."""
+LEVEL = 4.0 * NOISE * np.array([1.4, 0.8, 1.1, 0.7, 1.3, 0.9])
+"""N·m, of the dry friction and of the viscous one at 2 rad/s."""
+EVERYWHERE = {"coulomb_friction", "viscous_friction"}
+
+
+@pytest.fixture(scope="module")
+def record(
+    six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> Callable[..., list[Trajectory]]:
+    def make(law: Law | None = None, gain: Array | None = None) -> list[Trajectory]:
+        random = np.random.default_rng(3)
+        true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
+        result = []
+        for motion in range(3):
+            t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 250.0, 7 + motion)
+            q, dq, ddq = 0.6 * (q - 2.0) + 0.3, 0.6 * dq, 0.6 * ddq
+            tau = inverse_dynamics(six_axis, true, q, dq, ddq) + LEVEL * (np.tanh(dq / 0.003) + 0.5 * dq)
+            tau += 0.0 if law is None else law(q, dq, ddq)
+            for playing in range(2):
+                measured = q + 5e-6 * random.normal(size=q.shape)
+                noisy = tau * (1.0 if gain is None else gain) + NOISE * random.normal(size=q.shape)
+                result.append(Trajectory(t, measured, noisy, name=f"motion {motion}, playing {playing}"))
+        return result
+
+    return make
+
+
+def beside_friction(found: object) -> set[tuple[str, int | None, str]]:
+    return {(f.effect, f.place.joint, f.status) for f in found.findings if f.effect not in EVERYWHERE}  # type: ignore[attr-defined]
+
+
+def test_friction_of_every_joint_is_named_and_nothing_else(six_axis: RigidBody, record: Callable[..., object]) -> None:
+    found = diagnose(six_axis, record())  # type: ignore[arg-type]
+    assert beside_friction(found) == set()
+    assert {(f.effect, f.place.joint) for f in found.findings} == {(e, j) for e in EVERYWHERE for j in range(6)}
+    assert found.verdict == "named"
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "law"),
+    [
+        ("joint_spring", 1, lambda q, dq, ddq: 2.2 * (q[:, 1] - 0.2)),
+        ("rotor_inertia", 2, lambda q, dq, ddq: 0.2 * ddq[:, 2]),
+        ("cogging", 3, lambda q, dq, ddq: 0.3 * np.sin(7.0 * q[:, 3] + 0.4)),
+    ],
+)
+def test_what_is_small_beside_the_friction_is_named_still(
+    six_axis: RigidBody, record: Callable[..., object], effect: str, joint: int, law: Law
+) -> None:
+    def on_joint(q: Array, dq: Array, ddq: Array) -> Array:
+        torque = np.zeros_like(q)
+        torque[:, joint] = law(q, dq, ddq)
+        return torque
+
+    assert beside_friction(diagnose(six_axis, record(on_joint))) == {(effect, joint, "named")}  # type: ignore[arg-type]
+
+
+def test_a_torque_constant_is_named_beside_friction(six_axis: RigidBody, record: Callable[..., object]) -> None:
+    gain = np.array([1.0, 1.0, 0.975, 1.0, 1.0, 1.0])
+    found = diagnose(six_axis, record(gain=gain))  # type: ignore[arg-type]
+    assert beside_friction(found) == {("torque_constant_error", 2, "named")}
+
+
+@pytest.mark.parametrize(("offset", "decided"), [(0.2, True), (0.03, False)])
+def test_an_offset_beside_friction_is_no_friction_that_is_not_the_same_both_ways(
+    six_axis: RigidBody, record: Callable[..., object], offset: float, decided: bool
+) -> None:
+    """Dry friction and an offset make what asymmetric friction makes, but at rest: where the motion does not tell,
+    both are told."""
+    vector = np.array([0.0, 0.0, 0.0, 0.0, offset, 0.0])
+    found = diagnose(six_axis, record(lambda q, dq, ddq: vector * np.ones_like(q)))  # type: ignore[arg-type]
+    (own,) = [f for f in found.findings if f.effect == "torque_offset"]
+    assert own.place.joint == 4
+    assert abs(float(own.parameters["offset"].value) - offset) < 0.01
+    near = {a.effect: a.log_likelihood_gap for a in own.rivals if a.place == own.place}
+    assert (near["asymmetric_friction"] > AMBIGUOUS) is decided
+    assert beside_friction(found) == {("torque_offset", 4, own.status)}
