@@ -19,7 +19,7 @@ from benchmarks.campaign.campaign import judged
 from benchmarks.campaign.experiments import decided, experiment_figures
 from benchmarks.campaign.finding import by_command, in_process
 from benchmarks.campaign.judging import Judgement
-from benchmarks.campaign.scenario import ALL, CATALOGUE, Plan, draw_plans
+from benchmarks.campaign.plans import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.tally import CampaignFigure, mistaken, tally
 
 
@@ -30,7 +30,7 @@ def main() -> int:
     plans = [plan for seed in options.seed for plan in draw_plans(options.scenarios, seed)]
     if options.kind:
         plans = [Plan(plan.number, plan.seed, plan.arm, (options.kind,), options.size, plan.scatter) for plan in plans]
-    plans = [replace(plan, seconds=options.seconds) for plan in plans]
+    plans = [replace(plan, seconds=options.seconds, friction=options.friction) for plan in plans]
     results: list[Judgement] = []
     finder = by_command if options.command else in_process
     with ProcessPoolExecutor(options.processes) as pool:
@@ -77,6 +77,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--kind", choices=sorted(ALL), help="this cause alone, on every arm in turn")
     parser.add_argument("--arm", choices=ARMS, help="with --experiments: this arm alone")
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
+    parser.add_argument("--friction", type=float, default=0.0, help="of every joint beside the causes, likewise (0)")
     parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
     parser.add_argument("--wire", action="store_true", help="play over the wire, by the daemon and the stand-in arm")
     parser.add_argument("--seconds", type=float, default=60.0, help="of motion to learn from (60)")

@@ -10,7 +10,8 @@ from pathlib import Path
 from benchmarks.campaign.arms import true_arm
 from benchmarks.campaign.finding import Finder
 from benchmarks.campaign.judging import Judgement, judge
-from benchmarks.campaign.scenario import Plan, stage
+from benchmarks.campaign.plans import Plan
+from benchmarks.campaign.scenario import stage
 from benchmarks.campaign.sealing import ANSWER, QUESTION, Envelope, Question, found_sealed, seal
 from benchmarks.campaign.wire import sealed_over_the_wire
 

@@ -30,6 +30,8 @@ class Cause:
         truth: the catalogue's parameters at an amplitude, where the two forms have them in common.
         excused: answers that are not the right ones, and not wrong either.
         taken_from_link: rotor inertia, kg·m² by joint, that the tables bring as a mass of its own.
+        known: of a cause outside the catalogue, the tables of what the catalogue has of it; its size is that of the
+            rest.
     """
 
     label: str
@@ -41,6 +43,7 @@ class Cause:
     excused: frozenset[Named] = frozenset()
     taken_from_link: Mapping[str, float] = field(default_factory=dict)
     least: float = 0.0
+    known: Callable[[float], Tables] = field(default=lambda amplitude: {})
 
     @property
     def outside(self) -> bool:

@@ -16,8 +16,9 @@ from benchmarks.campaign.campaign import TACHOMETERS
 from benchmarks.campaign.finding import TOPIC
 from benchmarks.campaign.judging import Judgement, judge
 from benchmarks.campaign.motions import RATE_HZ, REST_S, Playlist
+from benchmarks.campaign.plans import Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
-from benchmarks.campaign.scenario import Plan, Prepared, prepare
+from benchmarks.campaign.scenario import Prepared, prepare
 from benchmarks.campaign.sealing import HELD_OUT, write_run
 from benchmarks.campaign.tally import CampaignFigure, wilson
 from config.motion import SampledMotion

@@ -2,10 +2,32 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from benchmarks.campaign.arms import TrueArm
-from benchmarks.campaign.cause import Cause, Draw, limit_nm, named, top_speed
+from benchmarks.campaign.cause import Cause, Draw, Named, Tables, limit_nm, named, top_speed
+
+EVERYWHERE = ("coulomb_friction", "viscous_friction", "presliding")
+"""What friction of every joint may rightly be called."""
+
+
+def everywhere(arm: TrueArm, level: NDArray[np.float64], rng: Generator) -> tuple[Tables, frozenset[Named]]:
+    """Friction of every joint, as all arms have it: dry, about ``level`` (joints,) N·m, and as much viscous at half the
+    top speed; with the names that are right for it."""
+    entries = []
+    for joint, about in zip(arm.joints, level, strict=True):
+        dry, viscous = (float(about * rng.uniform(0.6, 1.5)) for _ in range(2))
+        entries.append(
+            {
+                "joint": joint,
+                "level_nm": dry,
+                "viscous_nms_rad": 2.0 * viscous / top_speed(arm, joint),
+                "presliding_rad": float(10.0 ** rng.uniform(-4.7, -3.7)),
+            }
+        )
+    return {"friction": entries}, frozenset().union(*(named(name, *arm.joints) for name in EVERYWHERE))
 
 
 def viscous(arm: TrueArm, joint: str, rng: Generator) -> Cause:

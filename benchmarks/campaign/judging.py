@@ -57,7 +57,7 @@ class Judgement:
     @property
     def alarm(self) -> bool:
         """Whether something was found, named or not, beyond what is excused."""
-        return self.verdict == "unknown" or bool(self.wrong) or bool(self.sets)
+        return self.verdict == "unknown" or bool(self.wrong) or not all(one.holds for one in self.sets)
 
     @property
     def clean(self) -> bool:

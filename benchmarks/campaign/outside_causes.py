@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.campaign.arms import TrueArm
-from benchmarks.campaign.cause import Cause, Draw, limit_nm, named, top_speed
+from benchmarks.campaign.cause import Cause, Draw, Tables, limit_nm, named, top_speed
 
 NONE: frozenset[tuple[str, str | None]] = frozenset()
 
@@ -34,25 +34,6 @@ def hysteretic_spring(arm: TrueArm, joint: str, rng: Generator) -> Cause:
         },
         3 * limit_nm(arm, joint),
         60 * limit_nm(arm, joint),
-    )
-
-
-def pulley_wobble(arm: TrueArm, joint: str, rng: Generator) -> Cause:
-    """Two pulleys out of round on one belt: orders whose ratio is no fraction."""
-    first, phases = float(rng.uniform(1.7, 3.0)), rng.uniform(-np.pi, np.pi, 2)
-    orders = (first, first * np.sqrt(5.0) / 1.3)
-    return Cause(
-        "pulley_wobble",
-        NONE,
-        lambda a: {
-            "cogging": [
-                {"joint": joint, "order": order, "amplitude_nm": a, "phase_rad": float(phase)}
-                for order, phase in zip(orders, phases, strict=True)
-            ]
-        },
-        limit_nm(arm, joint),
-        10 * limit_nm(arm, joint),
-        excused=named("cogging", joint),
     )
 
 
@@ -109,25 +90,37 @@ def rough_place(arm: TrueArm, joint: str, rng: Generator) -> Cause:
 
 
 def sloshing(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
-    """A load that swings: no rigid body."""
+    """A load that swings: no rigid body, though a load."""
     if joint != arm.joints[-1]:
         return None
-    frequency = float(rng.uniform(1.5, 3.0))
+    frequency, centre, radius = float(rng.uniform(1.5, 3.0)), [0.0, 0.0, 0.08], 0.04
+
+    def still(a: float) -> Tables:
+        moment = 0.4 * a * radius**2
+        return {"payload": {"mass_kg": a, "centre_m": centre, "inertia_kg_m2": [moment, 0, 0, moment, 0, moment]}}
+
     return Cause(
         "sloshing_load",
         NONE,
         lambda a: {
-            "sloshing_load": {"mass_kg": a, "centre_m": [0.0, 0.0, 0.08], "frequency_hz": frequency, "damping": 0.03}
+            "sloshing_load": {
+                "mass_kg": a,
+                "centre_m": centre,
+                "frequency_hz": frequency,
+                "damping": 0.03,
+                "radius_m": radius,
+            }
         },
         0.5,
         4.0,
+        excused=named("payload", None) | named("link_inertia", joint, arm.link_of(joint), None),
+        known=still,
     )
 
 
 OUTSIDE: dict[str, Draw] = {
     "square_law_drag": square_law_drag,
     "hysteretic_spring": hysteretic_spring,
-    "pulley_wobble": pulley_wobble,
     "gear_beat": gear_beat,
     "rough_place": rough_place,
     "sloshing_load": sloshing,

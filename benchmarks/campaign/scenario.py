@@ -1,4 +1,4 @@
-"""Scenarios: which arm, which causes, how large. Drawn from a seed, staged on the plant."""
+"""Scenarios: a plan's causes made as large as they are to be, and staged on the plant."""
 
 from __future__ import annotations
 
@@ -11,23 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.campaign.arms import ARMS, TrueArm, hidden_bodies, scattered, true_arm, without_moment, write_urdf
-from benchmarks.campaign.body_causes import BODIES
-from benchmarks.campaign.cause import Cause, Draw, Named, Tables, merged
-from benchmarks.campaign.friction_causes import FRICTION
+from benchmarks.campaign.arms import TrueArm, hidden_bodies, scattered, true_arm, without_moment, write_urdf
+from benchmarks.campaign.cause import Cause, Named, Tables, merged
+from benchmarks.campaign.friction_causes import everywhere
 from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist
 from benchmarks.campaign.outside_causes import OUTSIDE
+from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
-from benchmarks.campaign.sensor_causes import SENSORS
 from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_rms
-from benchmarks.campaign.transmission_causes import TRANSMISSION
 from config import Installation
 from virtual_hw.hidden import HiddenMechanics
 from virtual_hw.hidden.noise import SILENT
 
-CATALOGUE: dict[str, Draw] = {**FRICTION, **TRANSMISSION, **SENSORS, **BODIES}
-ALL = {**CATALOGUE, **OUTSIDE}
-SCATTER = (0.0, 0.02, 0.05)
 CURRENT_LOOP_HZ = 1e6
 """Far above the plant's tick: at 5 kHz the current is 32 µs late, which a finder may rightly name."""
 RECORDED_HZ = 500.0
@@ -36,25 +31,6 @@ answers to its encoder's counts into the band, three times the sensors' noise on
 JITTER_S = (0.0, 2e-5, 1e-4)
 TRIES = 12
 """Joints and forms that are tried before a cause is given up on an arm."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What a scenario is to be. ``kinds`` are keys of `ALL`, ``size`` of each in multiples of the noise."""
-
-    number: int
-    seed: int
-    arm: str
-    kinds: tuple[str, ...] = ()
-    size: float = 0.0
-    scatter: float = 0.05
-    seconds: float = 60.0
-
-    @property
-    def name(self) -> str:
-        """Of its folder, where it is kept."""
-        kinds = "+".join(self.kinds).replace(":", "-") or "clean"
-        return f"{self.seed}-{self.number:04d}-{self.arm}-{kinds}-{self.size:g}-{self.scatter:g}-{self.seconds:g}s"
 
 
 @dataclass(frozen=True)
@@ -118,42 +94,6 @@ class Staged:
     runs: tuple[Run, ...]
 
 
-def draw_plans(count: int, seed: int, sizes: Sequence[float] = (0.2, 0.4, 0.8, 1.0, 2.0)) -> list[Plan]:
-    """``count`` scenarios: of ten, two clean, five with one cause, one with two or three, two with an outside cause.
-
-    Kinds, sizes and arms take turns, so that each has its share whatever the count.
-    """
-    rng = np.random.default_rng([seed, 0])
-    catalogue = _turns(tuple(CATALOGUE), rng)
-    outside, arms = _turns(tuple(OUTSIDE), rng), _turns(ARMS, rng)
-    turns = {"size": 0}
-
-    def next_size(choices: Sequence[float]) -> float:
-        turns["size"] += 1
-        return choices[turns["size"] % len(choices)]
-
-    plans = []
-    for number in range(count):
-        plan = Plan(number, seed, next(arms), scatter=SCATTER[int(rng.integers(len(SCATTER)))])
-        place = number % 10
-        if place in (0, 5):
-            pass
-        elif place == 9:
-            several = tuple(next(catalogue) for _ in range(int(rng.integers(2, 4))))
-            plan = replace(plan, kinds=several, size=next_size((1.0, 2.0)))
-        elif place in (4, 8):
-            plan = replace(plan, kinds=(next(outside),), size=next_size((0.8, 1.5)))
-        else:
-            plan = replace(plan, kinds=(next(catalogue),), size=next_size(sizes))
-        plans.append(plan)
-    return plans
-
-
-def _turns(names: tuple[str, ...], rng: Generator) -> Any:
-    while True:
-        yield from (names[k] for k in rng.permutation(len(names)))
-
-
 @dataclass(frozen=True)
 class Prepared:
     """A scenario ready to be played, on the plant or over the wire."""
@@ -185,9 +125,12 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
     sensors = _torque_noise(noise, arm, plan)
     scale = Scale(installation, playlist, mechanics(arm, [], []), sensors)
     causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
-    hidden = mechanics(arm, causes, [*(c.tables(a) for c, a in zip(causes, amplitudes, strict=True)), noise])
+    rubbing, excused = _friction(plan, arm, sensors)
+    tables = [c.tables(a) for c, a in zip(causes, amplitudes, strict=True)]
+    # A cause that has friction of its own puts it in the place of what its joint has.
+    hidden = mechanics(arm, causes, [rubbing, *tables, noise])
     return Prepared(
-        truth=Truth(plan.number, plan.arm, plan.scatter, true_causes),
+        truth=Truth(plan.number, plan.arm, plan.scatter, true_causes, excused),
         installation=installation,
         playlist=playlist,
         hidden=hidden,
@@ -245,7 +188,8 @@ def _fitted(
 
 
 def _size_at(arm: TrueArm, scale: Scale, cause: Cause, amplitude: float) -> float:
-    return scale.size(mechanics(arm, [cause], [cause.tables(amplitude)]))
+    beside = replace(scale, clean=mechanics(arm, [], [cause.known(amplitude)]))
+    return beside.size(mechanics(arm, [cause], [cause.tables(amplitude)]))
 
 
 def mechanics(arm: TrueArm, causes: Sequence[Cause], tables: Sequence[Tables]) -> HiddenMechanics:
@@ -257,6 +201,12 @@ def mechanics(arm: TrueArm, causes: Sequence[Cause], tables: Sequence[Tables]) -
             bodies[link] = without_moment(bodies[link], np.array([0.0, 0.0, 1.0]), inertia)
     motors = [{"joint": joint, "bandwidth_hz": CURRENT_LOOP_HZ} for joint in arm.joints]
     return HiddenMechanics.model_validate(merged([{"link": hidden_bodies(bodies), "motor": motors}, *tables]))
+
+
+def _friction(plan: Plan, arm: TrueArm, noise: Array) -> tuple[Tables, frozenset[Named]]:
+    if not plan.friction:
+        return {}, frozenset()
+    return everywhere(arm, plan.friction * noise, np.random.default_rng([plan.seed, plan.number, 2]))
 
 
 def _noise_tables(arm: TrueArm, factor: float) -> Tables:

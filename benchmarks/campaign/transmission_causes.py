@@ -120,6 +120,24 @@ def cogging(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     )
 
 
+def pulleys(arm: TrueArm, joint: str, rng: Generator) -> Cause:
+    """Two pulleys out of round on one belt: orders whose ratio is no fraction."""
+    first, phases = float(rng.uniform(1.7, 3.0)), rng.uniform(-np.pi, np.pi, 2)
+    orders = (first, first * np.sqrt(5.0) / 1.3)
+    return Cause(
+        "cogging:pulleys",
+        named("cogging", joint),
+        lambda a: {
+            "cogging": [
+                {"joint": joint, "order": order, "amplitude_nm": a, "phase_rad": float(phase)}
+                for order, phase in zip(orders, phases, strict=True)
+            ]
+        },
+        limit_nm(arm, joint),
+        10 * limit_nm(arm, joint),
+    )
+
+
 def ripple(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     order, phase = float(rng.integers(4, 25)), float(rng.uniform(-np.pi, np.pi))
     return Cause(
@@ -170,6 +188,7 @@ TRANSMISSION: dict[str, Draw] = {
     "joint_elasticity": elasticity,
     "backlash": backlash,
     "cogging": cogging,
+    "cogging:pulleys": pulleys,
     "torque_ripple": ripple,
     "transmission_coupling": coupling,
 }

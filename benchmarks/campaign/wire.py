@@ -15,7 +15,8 @@ import numpy as np
 
 from benchmarks.campaign.cause import named
 from benchmarks.campaign.motions import RATE_HZ
-from benchmarks.campaign.scenario import Plan, Prepared, Truth, prepare
+from benchmarks.campaign.plans import Plan
+from benchmarks.campaign.scenario import Prepared, Truth, prepare
 from benchmarks.campaign.sealing import ANSWER, HELD_OUT, QUESTION, Envelope, Question
 from config.motion import SampledMotion
 from service.daemon.client import DaemonClient
@@ -50,7 +51,7 @@ def sealed_over_the_wire(plan: Plan, folder: Path) -> tuple[Question, Envelope]:
 
 def _as_measured(truth: Truth) -> Truth:
     """A drive measures at the end of a tick the torque that it held over it: half a tick late, and rightly named so."""
-    return replace(truth, excused=named("transport_delay", None))
+    return replace(truth, excused=truth.excused | named("transport_delay", None))
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import pytest
 from benchmarks.campaign.campaign import judged
 from benchmarks.campaign.finding import in_process
 from benchmarks.campaign.judging import Judgement
-from benchmarks.campaign.scenario import Plan
+from benchmarks.campaign.plans import Plan
 from benchmarks.campaign.sealing import Question
 from benchmarks.campaign.tally import tally
 
@@ -107,6 +107,21 @@ def test_it_is_no_cause_either_where_each_motion_was_played_once() -> None:
 def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
     """A spring whose size its shape tells as well, lateness that a bent timing imitates, a law with an absent part, a
     wall that only some of the poses touch."""
+    result = judged(plan, in_process)
+    assert result.right, result.sentence
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Plan(20, SEED, "dda", (), 0.0, 0.03, SECONDS, friction=4.0),
+        Plan(22, SEED, "dda", ("cogging",), 1.0, 0.03, SECONDS, friction=4.0),
+        Plan(2, 3141, "puma600", ("torque_ripple",), 0.8, 0.05, SECONDS, friction=4.0),
+    ],
+    ids=lambda plan: "+".join(plan.kinds) or "friction alone",
+)
+def test_what_friction_of_every_joint_hides_is_named_and_nothing_else(plan: Plan) -> None:
     result = judged(plan, in_process)
     assert result.right, result.sentence
 

@@ -87,6 +87,9 @@ def test_what_is_excused_of_a_scenario_is_not_wrong_on_a_clean_arm_either() -> N
     assert not judge(excused, late, 0.5).wrong
     assert figure([judge(excused, late, 0.5)], "false alarms").value == 0.0
     assert figure([judge(CLEAN, late, 0.5)], "false alarms").value == 1.0
+    unsure = answer("ambiguous", finding("backlash", None, "ambiguous", (("transport_delay", None),)))
+    assert figure([judge(excused, unsure, 0.5)], "false alarms").value == 0.0
+    assert figure([judge(CLEAN, unsure, 0.5)], "false alarms").value == 1.0
 
 
 def test_an_ambiguous_finding_is_neither_right_nor_wrong_and_holds_what_its_alternatives_hold() -> None:

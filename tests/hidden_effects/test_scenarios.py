@@ -13,11 +13,14 @@ from benchmarks.campaign import campaign
 from benchmarks.campaign.arms import ARMS, true_arm
 from benchmarks.campaign.cause import Cause, merged, named
 from benchmarks.campaign.finding import in_process
+from benchmarks.campaign.friction_causes import FRICTION, everywhere
 from benchmarks.campaign.motions import draw_playlist
+from benchmarks.campaign.outside_causes import OUTSIDE
+from benchmarks.campaign.plans import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.playing import Run, play
-from benchmarks.campaign.scenario import ALL, CATALOGUE, OUTSIDE, Plan, Staged, draw_plans, mechanics, stage
+from benchmarks.campaign.scenario import Staged, mechanics, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
-from benchmarks.campaign.sizing import BAND_HZ, amplitude_for, finely_counted, folded_rms, noise_rms, unexplained
+from benchmarks.campaign.sizing import BAND_HZ, Scale, amplitude_for, finely_counted, folded_rms, noise_rms, unexplained
 from config.motion import check_motion
 from driver.recording import read_recording
 from virtual_hw.hidden import HiddenMechanics
@@ -84,6 +87,40 @@ def test_the_effect_has_the_wanted_size(staged: Staged) -> None:
     (cause,) = staged.truth.causes
     assert cause.size == pytest.approx(SHORT.size, rel=0.02)
     assert cause.parameters == {"level": cause.amplitude}
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_friction_of_every_joint_stands_beside_the_causes_and_has_its_names(arm: str) -> None:
+    the_arm, level = true_arm(arm), np.linspace(0.1, 0.5, len(true_arm(arm).joints))
+    tables, names = everywhere(the_arm, level, np.random.default_rng(4))
+    second = the_arm.joints[1]
+    rough = FRICTION["stribeck_friction"](the_arm, second, np.random.default_rng(4))
+    assert rough is not None
+    hidden = mechanics(the_arm, [rough], [tables, rough.tables(0.3)])
+    assert [entry.joint for entry in hidden.friction] == list(the_arm.joints)
+    for entry, about in zip(hidden.friction, level, strict=True):
+        own = entry.joint != second
+        assert not own or 0.5 * about < entry.level_nm < 1.6 * about
+        assert own or entry.level_nm == 0.3
+        assert (entry.breakaway_factor == 1.0) is own
+        assert entry.viscous_nms_rad > 0.0
+    assert ("coulomb_friction", second) in names
+    assert not {effect for effect, _ in names} & {"stribeck_friction", "asymmetric_friction", "friction_drift"}
+
+
+def test_a_swinging_load_is_as_large_as_what_a_still_one_does_not_explain() -> None:
+    the_arm = true_arm("dda")
+    swings = OUTSIDE["sloshing_load"](the_arm, "joint3", np.random.default_rng(1))
+    assert swings is not None
+    playlist = draw_playlist(the_arm.installation, np.random.default_rng(2), 12.0)
+    clean = mechanics(the_arm, [], [])
+    scale = Scale(the_arm.installation, playlist, clean, np.ones(3))
+    whole = scale.size(mechanics(the_arm, [swings], [swings.tables(1.0)]))
+    beside = replace(scale, clean=mechanics(the_arm, [], [swings.known(1.0)]))
+    still = beside.size(mechanics(the_arm, [], [swings.known(1.0)]))
+    assert still < 0.02 * whole
+    assert 0.1 * whole < beside.size(mechanics(the_arm, [swings], [swings.tables(1.0)])) < 0.9 * whole
+    assert ("payload", None) in swings.excused
 
 
 def test_what_the_plant_cannot_step_or_the_arm_not_bear_is_not_staged() -> None:

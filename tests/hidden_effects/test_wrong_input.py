@@ -12,7 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.campaign.arms import true_arm
-from benchmarks.campaign.scenario import Plan, stage
+from benchmarks.campaign.plans import Plan
+from benchmarks.campaign.scenario import stage
 from benchmarks.campaign.sealing import write_run
 from config.loader import HERE
 from estimator import RigidBody, Trajectory, load_rigid_body
