@@ -78,9 +78,8 @@ def searched(evidence: Evidence, before: Searched | None = None) -> Searched:
     channels' timings; ``before``: what was found with laws that were less sharp."""
     design, tolerance = evidence.design, evidence.tolerance
     if before is None:
-        noise = evidence.noise
-        assumed = not noise.playings
-        scores = Scores(design, evidence.blocks, evidence.folds, noise.news, other_errors(evidence), assumed)
+        told, errors = evidence.noise, other_errors(evidence)
+        scores = Scores(design, evidence.blocks, evidence.folds, told.news, errors, assumed=not told.playings)
         chosen = Search(scores).run()
     else:
         scores = before.widest.sharper(design, evidence.blocks)

@@ -61,9 +61,9 @@ def _parameter(
     for name, value in present.items():
         without = absent.get(name, np.inf)
         if isinstance(value, float) and isinstance(without, float) and value != without and np.isfinite(value):
-            return (
-                (name, abs(value - without), present, max) if np.isfinite(without) else (name, abs(value), present, min)
-            )
+            if np.isfinite(without):
+                return name, abs(value - without), present, max
+            return name, abs(value), present, min
     return None
 
 
