@@ -61,7 +61,7 @@ class Searched:
 
     @cached_property
     def causes(self) -> list[Cause]:
-        """The one with most evidence first."""
+        """As `Search.judged` orders them."""
         return Search(self.scores).judged(self.chosen)
 
     @property

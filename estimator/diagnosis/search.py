@@ -76,8 +76,14 @@ class Search:
         return chosen if next(self._steps(chosen), None) is None else self.run(chosen)
 
     def judged(self, chosen: Sequence[int]) -> list[Cause]:
-        """These candidates with their evidence beside each other, the one with most first."""
-        return sorted((self._judged(k, list(chosen)) for k in chosen), key=lambda cause: -cause.gain)
+        """These candidates with their evidence beside each other: joint by joint, that with most evidence first, and so
+        within a joint."""
+        causes = [self._judged(k, list(chosen)) for k in chosen]
+        most: dict[int | None, float] = {}
+        for cause in causes:
+            joint = self._joint(cause.candidate)
+            most[joint] = max(cause.gain, most.get(joint, 0.0))
+        return sorted(causes, key=lambda cause: (-most[self._joint(cause.candidate)], -cause.gain))
 
     def _grown(self, chosen: list[int]) -> list[int]:
         """With one more cause after the other, as long as any is supported."""
