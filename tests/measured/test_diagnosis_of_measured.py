@@ -56,7 +56,8 @@ def test_a_motor_s_cogging_is_named_order_by_order() -> None:
 
 
 def test_the_panda_rubs_and_its_speeds_come_late() -> None:
-    """Friction of every joint; no more causes than two a joint."""
+    """Friction of every joint; no more causes than two a joint, offsets apart: with dry friction they are what a
+    friction is that is not the same both ways."""
     needs("franka_panda")
     found = panda_diagnosed()
     rubbing = {f.place.joint for f in found.findings if f.effect in FRICTION}
@@ -64,7 +65,7 @@ def test_the_panda_rubs_and_its_speeds_come_late() -> None:
     late = [f for f in findings_of(found, "transport_delay") if f.place.channel == "velocity"]
     assert len(late) == 1
     assert number(late[0], "delay") == pytest.approx(5.4e-3, abs=1e-3)
-    assert len(found.findings) <= 2 * len(found.joints)
+    assert len(found.findings) - len(findings_of(found, "torque_offset")) <= 2 * len(found.joints)
     assert found.held_out.after < 0.6 * found.held_out.before
 
 
