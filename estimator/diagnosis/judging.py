@@ -76,7 +76,7 @@ def judge(evidence: Evidence) -> Judged:
 def _standing(found: Searched) -> tuple[list[Cause], Refined]:
     """The causes of a search that stand by their best shapes."""
     causes, refined = _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
-    return _simpler(found.evidence, found.scores, causes, refined)
+    return simpler(found.evidence, found.scores, causes, refined)
 
 
 def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
@@ -107,7 +107,7 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
     kept = list(causes)
     while True:
         chosen = [cause.candidate for cause in kept]
-        refined = _fitted(evidence, scores, chosen)
+        refined = fitted(evidence, scores, chosen)
         beyond = {
             k: _beyond_nothing(refined, number) / SIGNIFICANT
             if scores.recurs(k)
@@ -120,7 +120,7 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         kept = Search(scores).judged([k for k in chosen if k != least])
 
 
-def _simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
+def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
     """The causes with special cases in the place of a law that is, at its best shape, without what it is named for:
     where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
     search = Search(scores)
@@ -130,13 +130,14 @@ def _simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: R
         if own > SIGNIFICANT:
             continue
         trial = search.judged(search.pruned(search.special(cause.candidate, chosen)))
-        fitted = _fitted(evidence, scores, [c.candidate for c in trial])
-        if trial and (own == 0.0 or _support(scores, trial, fitted) > _support(scores, causes, refined)):
-            causes, refined = trial, fitted
+        shaped = fitted(evidence, scores, [c.candidate for c in trial])
+        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, causes, refined)):
+            causes, refined = trial, shaped
     return causes, refined
 
 
-def _fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
+def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
+    """The candidates at their best shapes, under the noise and the weights that they were chosen by."""
     return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.judging import fitted, simpler
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -94,3 +95,21 @@ def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:
     }
     kept = Search(scores)._telling(list(best.values()))
     assert len(kept) == 1
+
+
+def test_a_law_without_what_it_is_named_for_gives_way_to_those_that_it_contains(
+    evidence: Evidence, scores: Scores
+) -> None:
+    """A Stribeck friction that does not rise, as a grid may hold its shape and not theirs."""
+    search, names = Search(scores), ("stribeck_friction", "coulomb_friction", "viscous_friction")
+    rising = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == names[0]]
+    best = [
+        max((k for k in rising if scores.hypothesis(k).place.joint == joint), key=lambda k: scores.gains([])[k])
+        for joint in range(2)
+    ]
+    causes = search.judged(best)
+    refined = fitted(evidence, scores, [cause.candidate for cause in causes])
+    found, last = simpler(evidence, scores, causes, refined)
+    told = {(scores.hypothesis(c.candidate).effect.name, scores.hypothesis(c.candidate).place.joint) for c in found}
+    assert told == {(name, joint) for name in names[1:] for joint in range(2)}
+    assert len(last.design.candidates) == len(found)
