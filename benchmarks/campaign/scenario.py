@@ -181,13 +181,14 @@ def _fitted(
             cause = ALL[name](arm, joint, rng)
             if cause is None:
                 continue
-            found = amplitude_for(cause, plan.size, partial(_size_at, arm, scale, cause))
+            found = amplitude_for(cause, plan.size, partial(size_of, arm, scale, cause))
             if found is not None:
                 return cause, joint, *found
     raise RuntimeError(f"scenario {plan.number}: no cause reaches {plan.size} times the noise on {plan.arm}")
 
 
-def _size_at(arm: TrueArm, scale: Scale, cause: Cause, amplitude: float) -> float:
+def size_of(arm: TrueArm, scale: Scale, cause: Cause, amplitude: float) -> float:
+    """In multiples of the noise, without what the catalogue has of the cause."""
     beside = replace(scale, clean=mechanics(arm, [], [cause.known(amplitude)]))
     return beside.size(mechanics(arm, [cause], [cause.tables(amplitude)]))
 

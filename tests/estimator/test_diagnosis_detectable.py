@@ -41,17 +41,24 @@ def told_by_shape(scores: Scores, effect: str, joint: int) -> list[tuple[Array, 
     return found
 
 
+def errors_told(scores: Scores, joint: int) -> float:
+    """Standard errors that an effect must be large: told of a law of one shape."""
+    sizes, _ = smallest_detectable(scores, [])
+    ((_, error),) = told_by_shape(scores, "viscous_friction", joint)
+    return sizes["viscous_friction"][joint] / error
+
+
 @pytest.mark.parametrize("joint", [0, 1])
 def test_a_spring_that_would_have_been_seen_is_as_soft_as_its_faintest_shape(scores: Scores, joint: int) -> None:
     """Of a stiffness, which is endless where there is no elasticity, the smallest value is the largest effect."""
     sizes, units = smallest_detectable(scores, [])
     softest = min(theta[0] / error for theta, error in told_by_shape(scores, "joint_elasticity", joint))
     assert units["joint_elasticity"] == "N·m/rad"
-    assert 0.1 * softest < sizes["joint_elasticity"][joint] < softest / 2.0
+    assert sizes["joint_elasticity"][joint] == pytest.approx(softest / errors_told(scores, joint))
 
 
 @pytest.mark.parametrize("joint", [0, 1])
 def test_a_level_that_would_have_been_seen_is_that_of_its_faintest_shape(scores: Scores, joint: int) -> None:
     sizes, _ = smallest_detectable(scores, [])
     faintest = max(error for _, error in told_by_shape(scores, "coulomb_friction", joint))
-    assert 2.0 * faintest < sizes["coulomb_friction"][joint] < 10.0 * faintest
+    assert sizes["coulomb_friction"][joint] == pytest.approx(faintest * errors_told(scores, joint))

@@ -18,7 +18,7 @@ from benchmarks.campaign.motions import draw_playlist
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.plans import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.playing import Run, play
-from benchmarks.campaign.scenario import Staged, mechanics, stage
+from benchmarks.campaign.scenario import Staged, mechanics, size_of, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
 from benchmarks.campaign.sizing import BAND_HZ, Scale, amplitude_for, finely_counted, folded_rms, noise_rms, unexplained
 from config.motion import check_motion
@@ -119,7 +119,7 @@ def test_a_swinging_load_is_as_large_as_what_a_still_one_does_not_explain() -> N
     beside = replace(scale, clean=mechanics(the_arm, [], [swings.known(1.0)]))
     still = beside.size(mechanics(the_arm, [], [swings.known(1.0)]))
     assert still < 0.02 * whole
-    assert 0.1 * whole < beside.size(mechanics(the_arm, [swings], [swings.tables(1.0)])) < 0.9 * whole
+    assert 0.1 * whole < size_of(the_arm, scale, swings, 1.0) < 0.9 * whole
     assert ("payload", None) in swings.excused
 
 
