@@ -106,6 +106,7 @@ def stribeck(arm: TrueArm, joint: str, rng: Generator) -> Cause:
 
 
 def load_dependent(arm: TrueArm, joint: str, rng: Generator) -> Cause:
+    """What the servo's answer to its counts presses the gear with, whatever the load, is a Coulomb friction."""
     return Cause(
         "load_dependent_friction",
         named("load_dependent_friction", joint),
@@ -113,6 +114,7 @@ def load_dependent(arm: TrueArm, joint: str, rng: Generator) -> Cause:
         0.05,
         0.3,
         lambda a: {"coefficient": a},
+        excused=named("coulomb_friction", joint),
     )
 
 

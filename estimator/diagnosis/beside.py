@@ -30,7 +30,7 @@ def _at(finding: Finding, channel: str) -> Finding:
 
 def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
     """The arm's diagnosis with causes that were judged apart from it, and the verdict of both."""
-    evidence, refined = judged.evidence, judged.refined
+    evidence, refined = judged.evidence, judged.named
     names = refined.design.body.joints
     drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, names)
     findings = (*found.findings, *judged.findings)
@@ -44,7 +44,7 @@ def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
 
 def residuals(judged: Judged) -> Mapping[int, Residual]:
     """By joint, what was there before and is after the causes."""
-    evidence, refined = judged.evidence, judged.refined
+    evidence, refined = judged.evidence, judged.named
     rows = total(plain_blocks(refined.design, evidence.pieces, evidence.decimations))
     before = np.sqrt(residual_power(refined.design, rows, np.zeros(refined.design.size)))
     after = np.sqrt(residual_power(refined.design, rows, refined.value))

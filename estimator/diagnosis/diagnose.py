@@ -47,10 +47,10 @@ def diagnose(
     Raises InputError for recordings that cannot be judged.
     """
     judged = judge(gather(body, trajectories, tolerance))
-    evidence, scores, refined, findings = judged.evidence, judged.scores, judged.refined, judged.findings
+    evidence, scores, refined, findings = judged.evidence, judged.scores, judged.named, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
-    unexplained = unexplained_by(evidence, judged.widest, refined, chosen)
+    unexplained = unexplained_by(evidence, judged.widest, judged.refined, chosen, judged.nameless)
     sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,

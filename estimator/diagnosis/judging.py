@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -43,7 +44,11 @@ class Judged:
     """Candidates of the evidence's design."""
     refined: Refined
     findings: tuple[Finding, ...]
-    """One a candidate, likewise."""
+    nameless: tuple[Finding, ...]
+    """Laws at shapes that no thing of their name has: they stand for what has no name, and keep others from mending
+    it."""
+    named: Refined
+    """With the candidates of the findings alone, as they were fitted beside those."""
 
 
 def judge(evidence: Evidence) -> Judged:
@@ -69,8 +74,20 @@ def judge(evidence: Evidence) -> Judged:
     if found.widest is not scores:
         found.widest.reweigh(chosen)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    findings = tuple(finding(found, refined, number, cause, causes) for number, cause in enumerate(causes))
-    return Judged(found.evidence, scores, found.widest, borne_out, found.timings < 1.0, chosen, refined, findings)
+    known = [not _beyond_known(refined, number) for number in range(len(causes))]
+    told = [finding(found, refined, number, cause, causes) for number, cause in enumerate(causes)]
+    return Judged(
+        found.evidence,
+        scores,
+        found.widest,
+        borne_out,
+        found.timings < 1.0,
+        chosen,
+        refined,
+        findings=tuple(compress(told, known)),
+        nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
+        named=refined.only([number for number, is_known in enumerate(known) if is_known]),
+    )
 
 
 def _standing(found: Searched) -> tuple[list[Cause], Refined]:
@@ -134,6 +151,14 @@ def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Re
         if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, causes, refined)):
             causes, refined = trial, shaped
     return causes, refined
+
+
+def _beyond_known(refined: Refined, number: int) -> bool:
+    """Whether a cause's shape is farther than any that its law is known with, by more than its error."""
+    own = refined.design.candidates[number]
+    farthest = refined.design.hypotheses[own.hypothesis].effect.known_up_to
+    errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(farthest)]
+    return bool(np.any(own.theta[: len(farthest)] - _NOTHING * errors > np.array(farthest)))
 
 
 def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:

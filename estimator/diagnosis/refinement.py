@@ -45,6 +45,18 @@ class Refined:
     def coefficients(self, candidate: int) -> Array:
         return np.asarray(self.value[self.design.candidates[candidate].columns])
 
+    def only(self, numbers: Sequence[int]) -> Refined:
+        """Some of the candidates, with what was told of them beside all; the model stays that of all."""
+        kept = [self.design.candidates[k] for k in numbers]
+        own = self.design.with_candidates(kept)
+        columns = np.concatenate([np.arange(self.design.given), *(c.columns for c in kept)]).astype(np.intp)
+        ends = np.cumsum([len(c.theta) for c in self.design.candidates])
+        thetas = [
+            self.design.size + np.arange(ends[k] - len(c.theta), ends[k]) for k, c in zip(numbers, kept, strict=True)
+        ]
+        places = np.concatenate([columns, *thetas]).astype(np.intp)
+        return Refined(own, self.value[columns], self.covariance[np.ix_(places, places)], self.model)
+
     def covariance_of(self, candidate: int) -> Array:
         """Of [theta | coefficients] of one candidate."""
         own = self.design.candidates[candidate]

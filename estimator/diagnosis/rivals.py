@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
     scores = admission.scores
     own, place = scores.owner[candidate], scores.hypothesis(candidate).place
     others = [c for c in chosen if c != candidate]
-    beside = {int(scores.owner[k]): max(gain, 0.0) for k, gain, _ in scores.ranked(chosen)}
+    beside = {int(scores.owner[k]): gain for k, gain, _ in scores.ranked(chosen)}
     rows = scores.ranked(others)
     mine = next((row for row in rows if scores.owner[row[0]] == own), None)
     if mine is None:
@@ -44,7 +45,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
     for k, gain, supported in rows:
         if scores.owner[k] == own:
             continue
-        shared = min(gain, gain - beside.get(int(scores.owner[k]), 0.0))
+        shared = gain - max(_beside(scores, k, chosen, beside), 0.0)
         wider = admission.contained(candidate, k)
         if wider or admission.contained(k, candidate):
             gap = mine[2] - supported
@@ -61,6 +62,13 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
                 gap = min(gap, freedom - more)
         result.append(Alternative(k, gap))
     return sorted(result, key=lambda rival: rival.gap)
+
+
+def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping[int, float]) -> float:
+    """nats that a rival explains beside all that were ``chosen``, of which each law explains the ``best`` of its owner.
+    One more line of a spectrum that is there bends the others: that is no merit of its own."""
+    own = int(scores.owner[candidate])
+    return 0.0 if own in scores.owner[list(chosen)] else best.get(own, 0.0)
 
 
 def _instead(admission: Admission, candidate: int, others: list[int]) -> list[int]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from estimator.diagnosis.admission import Admission
-from estimator.diagnosis.answer import Unexplained
+from estimator.diagnosis.answer import Finding, Unexplained
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import torque_channels
+from estimator.effects import catalogue
 
 SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
@@ -18,9 +21,11 @@ VISIBLE = 0.35
 """Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 
 
-def unexplained_by(evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int]) -> dict[int, Unexplained]:
-    """By joint, the torques whose residual is beyond the noise: as a whole, as a function of one quantity, or as by a
-    law that one part of the motions alone shows."""
+def unexplained_by(
+    evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int], nameless: Sequence[Finding]
+) -> dict[int, Unexplained]:
+    """By joint, the torques whose residual is beyond the noise: as a whole, as a function of one quantity, as by a law
+    that one part of the motions alone shows, or as by one at a shape that makes it ``nameless``."""
     rows = scores.total.rows
     before = scores.model([]).squares() / rows
     after = refined.model.squares() / rows
@@ -49,6 +54,11 @@ def unexplained_by(evidence: Evidence, scores: Scores, refined: Refined, chosen:
         share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
         result.setdefault(evidence.grid.channels[channel].index, left)
+    for finding in nameless:
+        if finding.place.joint is not None:
+            result[finding.place.joint] = Unexplained(
+                finding.share_of_explainable, catalogue()[finding.effect].beyond_known
+            )
     return result
 
 

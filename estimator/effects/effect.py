@@ -75,6 +75,11 @@ class Law(ABC):
     fitted effect keeps them beside its parameters as its shape."""
     choices: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are one of the grid's values and nothing between."""
+    known_up_to: ClassVar[tuple[float, ...]] = ()
+    """Of each entry of theta, the largest that a thing of this name has; its grid goes farther, so that what only looks
+    like one is seen not to be. Empty: what the grid holds."""
+    beyond_known: ClassVar[str] = ""
+    """What has a larger one, as a signature of what has no name."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     recurs: ClassVar[bool] = False

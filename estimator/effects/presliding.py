@@ -15,8 +15,10 @@ from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
-DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1)
+DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1, 0.4)
 """rad over which friction turns round, to try; at least a ten-thousandth of the joint's range."""
+_LONGEST = 0.1
+"""rad; what yields over a longer way is no friction."""
 
 
 class Presliding(JointEffect):
@@ -26,6 +28,8 @@ class Presliding(JointEffect):
     dry = True
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
+    known_up_to = (_LONGEST,)
+    beyond_known = "a function of travel since reversals, as of a hose or a cable that gives"
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)
     seen_against = "dq"

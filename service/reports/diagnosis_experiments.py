@@ -17,7 +17,7 @@ def open_question(experiment: Mapping[str, Any]) -> list[str]:
     """What would decide: in words; with its file, and what it promises, where a motion was designed."""
     if experiment["motion"] is None:
         return [f"{experiment['sentence']}."]
-    promise = f" It should tell them apart by {figure(experiment['predicted_gap'])} nats. "
+    promise = f" It should tell them apart by {experiment['predicted_gap']:.0f} nats. "
     return [f"{experiment['sentence']}.", promise, element("span", f"etude run {experiment['motion']}", of="path")]
 
 

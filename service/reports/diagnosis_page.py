@@ -13,6 +13,7 @@ from estimator.diagnosis.traces import Traces
 from service.diagnosis.sentences import FEW, share_text
 from service.reports.diagnosis_experiments import experiments_section, open_question
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure
+from service.reports.diagnosis_overview import AT_A_GLANCE, anchor, overview
 from service.reports.link_tables import figure
 from service.reports.page import Html, badge, element, folded, html, joined, page, section, table
 
@@ -31,12 +32,17 @@ def diagnosis_page(answer: Answer, traces: Traces | None) -> str:
     but those of the alternatives.
     """
     held_out = answer["gain"]["held_out_torque"]
-    sections = [_finding(number, finding, traces) for number, finding in enumerate(answer["findings"])]
-    sections += [_unexplained(answer)] if answer["unexplained"] else []
-    sections += [experiments_section(answer["experiments"])] if answer["experiments"] else []
-    if traces is not None:
-        sections.append(_residual(answer, traces))
-    sections += [_gain(answer), _detectable(answer), _provenance(answer)]
+    cards = [_finding(number, finding, traces) for number, finding in enumerate(answer["findings"])]
+    rest = [_unexplained(answer)] if answer["unexplained"] else []
+    rest += [experiments_section(answer["experiments"])] if answer["experiments"] else []
+    whole = [] if traces is None else [_residual(answer, traces)]
+    whole.append(_gain(answer))
+    if len(cards) > AT_A_GLANCE:
+        heading = element("h2", "Cause by cause", of="between")
+        sections = [overview(answer["findings"]), *rest, *whole, heading, *cards]
+    else:
+        sections = [*cards, *rest, *whole]
+    sections += [_detectable(answer), _provenance(answer)]
     facts = {
         "verdict": answer["verdict"],
         "explained on held-out motion": _percent(held_out["share_of_explainable"]),
@@ -87,7 +93,7 @@ def _finding(number: int, finding: Mapping[str, Any], traces: Traces | None) -> 
             ),
         ]
     body = element("div", element("div", left), element("div", joined(right)), of="side") if left else joined(right)
-    return section("", sentence, body, _next(finding))
+    return Html(f'<div id="{anchor(number)}">{section("", sentence, body, _next(finding))}</div>')
 
 
 def _parameters(finding: Mapping[str, Any]) -> Html:

@@ -135,7 +135,7 @@ def test_the_page_says_what_was_played_and_what_it_decided(answer: dict[str, Any
         for k, gap in enumerate((38.2, 1.1, None), 1)
     ]
     answer["experiments"] = played
-    answer["findings"][0]["next_experiment"] |= {"motion": "/there/experiment-4.toml", "predicted_gap": 12.5}
+    answer["findings"][0]["next_experiment"] |= {"motion": "/there/experiment-4.toml", "predicted_gap": 12.7}
     words = " ".join(" ".join(Outline(diagnosis_page(answer, traces)).words).split())
     for said in (
         "coulomb friction of elbow · transport delay of velocity channel",
@@ -144,9 +144,24 @@ def test_the_page_says_what_was_played_and_what_it_decided(answer: dict[str, Any
         "41 1.1 still open",
         "41 – none of them is left",
         "etude run /there/experiment-4.toml",
-        "apart by 12.5 nats",
+        "apart by 13 nats",
     ):
         assert said in words, said
+
+
+def test_many_causes_stand_in_a_table_first_each_with_a_way_to_its_card(answer: dict[str, Any], traces: Traces) -> None:
+    assert "At a glance" not in diagnosis_page(answer, traces)
+    (found,) = answer["findings"]
+    names = ["coulomb_friction", "viscous_friction", "presliding"]
+    answer["findings"] = [found | {"effect": e, "joint": j} for j in ("elbow", "wrist") for e in names]
+    page = diagnosis_page(answer, None)
+    words = " ".join(" ".join(Outline(page).words).split())
+    row = "level 1.503 ± 0.021 N·m ambiguous 90 %"
+    table = f"elbow coulomb friction {row} viscous friction {row} presliding {row} wrist coulomb friction {row}"
+    assert table in words
+    assert words.index(table) < words.index("What it gains") < words.index("Cause by cause") < words.index("812")
+    assert [page.count(f'href="#cause-{k}"') for k in range(1, 8)] == [1] * 6 + [0]
+    assert [page.count(f'id="cause-{k}"') for k in range(1, 8)] == [1] * 6 + [0]
 
 
 def test_a_sliding_joint_s_residual_is_a_force(answer: dict[str, Any], traces: Traces) -> None:
