@@ -74,7 +74,7 @@ def judge(evidence: Evidence) -> Judged:
     if found.widest is not scores:
         found.widest.reweigh(chosen)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    known = [not _beyond_known(refined, number) for number in range(len(causes))]
+    known = [_known(refined, number) for number in range(len(causes))]
     told = [finding(found, refined, number, cause, causes) for number, cause in enumerate(causes)]
     return Judged(
         found.evidence,
@@ -153,12 +153,11 @@ def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Re
     return causes, refined
 
 
-def _beyond_known(refined: Refined, number: int) -> bool:
-    """Whether a cause's shape is farther than any that its law is known with, by more than its error."""
+def _known(refined: Refined, number: int) -> bool:
+    """Whether things of a cause's name have its shape, or one within its error."""
     own = refined.design.candidates[number]
-    farthest = refined.design.hypotheses[own.hypothesis].effect.known_up_to
-    errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(farthest)]
-    return bool(np.any(own.theta[: len(farthest)] - _NOTHING * errors > np.array(farthest)))
+    errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(own.theta)]
+    return refined.design.hypotheses[own.hypothesis].effect.known(own.theta - _NOTHING * errors)
 
 
 def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:

@@ -57,7 +57,10 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
             if wider:
                 # A law of which the motion shows a part alone may have no more freedom than those it contains.
-                gap = min(gap, AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more)
+                chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
+                # Of a wider law that is linear in what it has more, chance is known well.
+                certain = gap > 0.0 and _shapes(scores, k) <= _shapes(scores, candidate)
+                gap = chance if certain else min(gap, chance)
             else:
                 gap = min(gap, freedom - more)
         result.append(Alternative(k, gap))
@@ -69,6 +72,11 @@ def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping
     One more line of a spectrum that is there bends the others: that is no merit of its own."""
     own = int(scores.owner[candidate])
     return 0.0 if own in scores.owner[list(chosen)] else best.get(own, 0.0)
+
+
+def _shapes(scores: Scores, candidate: int) -> int:
+    """Non-linear parameters that are more than the sharpness of a sign."""
+    return len(scores.design.candidates[candidate].theta) - len(scores.hypothesis(candidate).effect.hidden)
 
 
 def _instead(admission: Admission, candidate: int, others: list[int]) -> list[int]:

@@ -249,4 +249,8 @@ class Search:
         held_out = self.scores.held_out(candidate, others)
         # A rival that fits better and was not admitted is no better than the cause.
         near = (Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen))
-        return Cause(candidate, gain, false_alarm, held_out, tuple(near))
+        return Cause(candidate, gain, false_alarm, held_out, tuple(a for a in near if self._named(a.candidate)))
+
+    def _named(self, candidate: int) -> bool:
+        """Whether things of its name have its shape."""
+        return self.scores.hypothesis(candidate).effect.known(self.design.candidates[candidate].theta)

@@ -85,6 +85,10 @@ class Law(ABC):
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
+    def known(self, theta: Array) -> bool:
+        """Whether there are things of its name with these."""
+        return bool(np.all(theta[: len(self.known_up_to)] <= np.array(self.known_up_to)))
+
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
         channels add to that; 0 of all others."""

@@ -76,7 +76,7 @@ def test_a_memory_of_reversals_is_no_spring(body: RigidBody, record_along: Recor
 
     found = diagnose(body, record_along(pack))
     assert found.verdict == "unknown"
-    assert found.unexplained[0].signature == "a function of travel since reversals"
+    assert found.unexplained[0].signature.startswith("a function of travel since reversals")
 
 
 def test_stops_yield_at_their_width_and_take_up_again_at_a_reversal() -> None:
