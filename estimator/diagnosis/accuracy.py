@@ -167,7 +167,7 @@ def _supports(found: Searched, precisions: Sequence[Array], weights: Array) -> A
     told = products(scores.design, scores.total, weights, given, given)
     result = []
     for precision in precisions:
-        model = within_limits(replace(scores.design, precision=precision), scores.total, weights, chosen, least=1)
+        model = within_limits(scores.design.believed(precision), scores.total, weights, chosen, least=1)
         narrowed = np.linalg.slogdet(precision + told)[1] - np.linalg.slogdet(precision)[1]
         result.append(0.5 * float(model.right[model.active] @ model.value - narrowed))
     return np.array(result) - scores.penalty(found.chosen)

@@ -33,10 +33,9 @@ def bounded_fits(matrix: Array, score: Array, energy: Array, lower: Array, upper
         inverse = _inverse(matrix[:, mask][:, :, mask], energy[:, mask])
         x = np.zeros((k, c, m))
         x[:, mask] = np.clip(inverse @ score[:, mask], lower[:, mask, None], upper[:, mask, None])
-        value = np.einsum("kcm,kcm->km", x, score) - 0.5 * np.einsum("kcm,kcd,kdm->km", x, matrix, x)
-        better = value > best
-        best = np.where(better, value, best)
-        chosen = np.where(better[:, None, :], x, chosen)
+        value = (x * (score - 0.5 * (matrix @ x))).sum(axis=1)
+        np.copyto(chosen, x, where=(value > best)[:, None, :])
+        np.maximum(best, value, out=best)
     return chosen, best
 
 

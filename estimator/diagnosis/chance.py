@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import gamma
+from scipy.special import gammaincc
 
 from estimator.diagnosis.bounded import bounded_fits
 from estimator.diagnosis.conditional import Conditional, Group
@@ -36,11 +36,12 @@ class Chance:
 
     def surprise(self, gains: Array) -> Array:
         """(…, hypotheses) −log probability of gains (…, hypotheses) under chance, one hypothesis at a time."""
-        return np.asarray(-gamma.logsf(np.maximum(gains, 0.0), self.shape, scale=self.scale))
+        with np.errstate(divide="ignore"):
+            return np.asarray(-np.log(gammaincc(self.shape, np.maximum(gains, 0.0) / self.scale)))
 
     def false_alarm(self, hypothesis: int, gain: float) -> float:
         """Probability that chance makes any hypothesis of the family as surprising as this one."""
-        alone = gamma.sf(max(gain, 0.0), self.shape[hypothesis], scale=self.scale[hypothesis])
+        alone = gammaincc(self.shape[hypothesis], max(gain, 0.0) / self.scale[hypothesis])
         return float(-np.expm1(-self.tests * alone))
 
 

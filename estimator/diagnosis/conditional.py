@@ -82,10 +82,10 @@ class Conditional:
         scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         # An unknown without any effect here stays zero.
         normal = matrix / np.outer(scale, scale) + np.diag(np.where(diagonal > 0.0, _RIDGE, 1.0))
-        factor = cho_factor(normal)
+        factor = cho_factor(normal, overwrite_a=True, check_finite=False)
 
         def solve(right: Array) -> Array:
-            return np.asarray((cho_solve(factor, (right.T / scale).T).T / scale).T)
+            return np.asarray((cho_solve(factor, (right.T / scale).T, check_finite=False).T / scale).T)
 
         self.solve = solve
         self.value: Array = solve(self.right[active])
@@ -150,7 +150,7 @@ class Conditional:
         columns = group.columns.ravel()
         cross = self.cross[:, columns].reshape(-1, k, c)
         projected = self.projected[:, columns].reshape(-1, k, c)
-        matrix -= np.einsum("akc,akd->kcd", cross, projected)
+        matrix -= cross.transpose(1, 2, 0) @ projected.transpose(1, 0, 2)
         return matrix, energy
 
     def gains(self, groups: list[Group]) -> tuple[Array, list[Array]]:

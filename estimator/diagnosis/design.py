@@ -100,6 +100,13 @@ class Design:
             result[channel, members] = np.arange(len(members))
         return result
 
+    def believed(self, precision: Array) -> Design:
+        """The same with the given model known to another precision."""
+        other = replace(self, precision=precision)
+        # The columns stay, and so does what was worked out of them.
+        other.__dict__.update({name: x for name, x in self.__dict__.items() if name in ("size", "members", "position")})
+        return other
+
     def with_candidates(self, candidates: Sequence[Candidate]) -> Design:
         """The same arm with other candidates, their columns numbered anew."""
         place, renumbered = self.given, []

@@ -102,7 +102,9 @@ def total(blocks: Sequence[Block | Sheet]) -> Block:
     for block in blocks:
         if isinstance(block, Block):
             # The first sum is a copy: blocks stay as they are.
-            grams = [gram + more for gram, more in zip(grams, block.grams, strict=True)] if grams else block.grams
+            grams = grams or [np.zeros_like(gram) for gram in block.grams]
+            for gram, more in zip(grams, block.grams, strict=True):
+                gram += more
     return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)
 
 

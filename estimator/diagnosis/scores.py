@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,19 +57,27 @@ class Scores:
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
-        self._noise = drawn_noise(self.model([]))
-        self.chance: Chance = resample(self.model([]), self.groups, self._noise)
+        self._plain = self.model([])
+        self._chance: Chance | None = None
+        self._noise = drawn_noise(self._plain)
 
     def known_to(self, precision: Array) -> Scores:
         """The same of a design that differs in its precision alone: what chance makes of it depends on the links."""
         other = copy(self)
-        other.design = replace(self.design, precision=precision)
+        other.design = self.design.believed(precision)
         other.weights = self._news.copy()
         other._forget()
         rank = self.design.base.rank
         if not np.array_equal(precision[:rank, :rank], self.design.precision[:rank, :rank]):
-            other.chance = resample(other.model([]), self.groups, self._noise)
+            other._plain, other._chance = other.model([]), None
         return other
+
+    @property
+    def chance(self) -> Chance:
+        """What chance makes of the given model, at the weights that the noise gives; worked out when it is asked."""
+        if self._chance is None:
+            self._chance = resample(self._plain, self.groups, self._noise)
+        return self._chance
 
     def sharper(self, design: Design, blocks: Sequence[Block | Sheet]) -> Scores:
         """The same of a design that differs in the shapes of some candidates alone: chance knows these no better."""
