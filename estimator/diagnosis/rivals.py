@@ -15,6 +15,8 @@ AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
 _ONE_IN = 0.05
 """Probability that chance alone lets a wider law explain so much more than the one that it contains."""
+_HARDLY_A_PERIOD = 0.25
+"""Of a line's energy, what a straight law of the angle explains of it: 0.3 over one period, 0.1 over two."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,21 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             else:
                 gap = min(gap, freedom - more)
         result.append(Alternative(k, gap))
-    return sorted(result, key=lambda rival: rival.gap)
+    bent = [Alternative(k, 0.0) for k in others if _one_bent_law(scores, candidate, k)]
+    named = {int(scores.owner[rival.candidate]) for rival in bent}
+    return sorted([*bent, *(r for r in result if int(scores.owner[r.candidate]) not in named)], key=lambda r: r.gap)
+
+
+def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
+    """Whether two causes of a joint may be a single law of its angle: of a periodic one hardly a period is seen, and
+    then the other mends its form, or it the other's."""
+    first, second = (scores.hypothesis(k) for k in (one, other))
+    if first.place != second.place or {first.effect.seen_against, second.effect.seen_against} != {"q"}:
+        return False
+    if scores.recurs(one) == scores.recurs(other):
+        return False
+    line, law = (one, other) if scores.recurs(one) else (other, one)
+    return float(scores.resemblance(line, law).mean()) > _HARDLY_A_PERIOD
 
 
 def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping[int, float]) -> float:

@@ -94,7 +94,7 @@ class Scores:
         self._gains: dict[frozenset[int], Array] = {}
         self._held_out: dict[tuple[int, frozenset[int]], tuple[float, float]] = {}
         self._recurring: dict[tuple[int, frozenset[int]], float] = {}
-        self._explained: dict[tuple[int, int], Array] = {}
+        self._resemblance: dict[tuple[int, int], Array] = {}
 
     def model(self, chosen: Sequence[int]) -> Conditional:
         """The given model with these candidates, fitted at the present weights. A part of a law that would have the
@@ -244,12 +244,15 @@ class Scores:
     def alike(self, one: int, other: int, least: float) -> bool:
         """Whether the other leaves less than this share of each column of the one in these data: then one can only
         undo the other."""
-        if (one, other) not in self._explained:
-            self._explained[one, other] = self._explained_share(one, other)
-        return bool(np.all(self._explained[one, other] > 1.0 - least))
+        return bool(np.all(self.resemblance(one, other) > 1.0 - least))
+
+    def resemblance(self, one: int, other: int) -> Array:
+        """Of the energy of each column of the one that has any, what the other's columns explain."""
+        if (one, other) not in self._resemblance:
+            self._resemblance[one, other] = self._explained_share(one, other)
+        return self._resemblance[one, other]
 
     def _explained_share(self, one: int, other: int) -> Array:
-        """Of the energy of each column of the one that has any, what the other's columns explain."""
         first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
         both = np.concatenate([first, second])
         squares = products(self.design, self.total, self.weights, both, both)

@@ -34,3 +34,59 @@ def test_friction_that_is_hardly_other_forwards_may_be_either(
     assert {(f.effect, f.status) for f in found} == {("coulomb_friction", status), ("viscous_friction", status)}
     if status == "ambiguous":
         assert all([a.effect for a in f.alternatives] == ["asymmetric_friction"] for f in found)
+
+
+Record = Callable[[RigidBody, Callable[[Array], Array], float, int], list[Trajectory]]
+
+
+@pytest.fixture
+def record(make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Record:
+    """Recordings of two joints, the second with a torque that goes with its angle; ``reach``: of the usual way."""
+
+    def make(body: RigidBody, law: Callable[[Array], Array], reach: float, seed: int) -> list[Trajectory]:
+        random, recordings = np.random.default_rng(seed), []
+        for motion in range(3):
+            t, *motions = make_periodic(2, 5.0, 200.0, 10 * seed + motion)
+            q, dq, ddq = (reach * x for x in motions)
+            tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+            tau[:, 1] += law(q[:, 1])
+            for _ in range(2):
+                measured = q + 1e-6 * random.normal(size=q.shape)
+                recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
+        return recordings
+
+    return make
+
+
+@pytest.mark.parametrize(("reach", "first", "second"), [(0.4, 2.5, 4.3), (0.25, 3.0, 5.2), (0.4, 1.7, 2.9)])
+def test_a_spring_beside_a_slow_cogging_may_be_its_form(
+    make_chain: Callable[..., RigidBody], record: Record, reach: float, first: float, second: float
+) -> None:
+    """Two pulleys out of round, over less than two turns of the faster."""
+
+    def pulleys(q: Array) -> Array:
+        return np.sin(first * q + 0.4) + np.sin(second * q + 1.9)
+
+    body = make_chain("rr")
+    found = {f.effect: f for f in diagnose(body, record(body, pulleys, reach, 0)).findings}
+    assert set(found) == {"cogging", "joint_spring"}
+    assert found["joint_spring"].status == "ambiguous"
+    assert [a.effect for a in found["joint_spring"].alternatives] == ["cogging"]
+
+
+def test_a_spring_beside_a_cogging_of_many_teeth_is_one(make_chain: Callable[..., RigidBody], record: Record) -> None:
+    body = make_chain("rr")
+    found = diagnose(body, record(body, lambda q: np.sin(24.0 * q) + 2.0 * q, 0.4, 0)).findings
+    assert {(f.effect, f.place.joint, f.status) for f in found} == {
+        ("joint_spring", 1, "named"),
+        ("cogging", 1, "named"),
+    }
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_offset_is_no_spring_for_what_chance_would_explain(
+    make_chain: Callable[..., RigidBody], record: Record, seed: int
+) -> None:
+    body = make_chain("rr")
+    (finding,) = diagnose(body, record(body, lambda q: np.full_like(q, 0.3), 1.0, seed)).findings
+    assert (finding.effect, finding.place.joint, finding.status) == ("torque_offset", 1, "named")
