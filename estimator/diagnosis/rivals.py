@@ -57,7 +57,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             instead = _instead(admission, k, [c for c in chosen if c != candidate])
             more = _explained(scores, instead) - _explained(scores, chosen)
             freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
-            if wider:
+            if wider and not _made_with(scores, k, chosen):
                 # A law of which the motion shows a part alone may have no more freedom than those it contains.
                 chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
                 # Of a wider law that is linear in what it has more, chance is known well.
@@ -66,20 +66,21 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             else:
                 gap = min(gap, freedom - more)
         result.append(Alternative(k, gap))
-    bent = [Alternative(k, 0.0) for k in others if _one_bent_law(scores, candidate, k)]
-    named = {int(scores.owner[rival.candidate]) for rival in bent}
-    return sorted([*bent, *(r for r in result if int(scores.owner[r.candidate]) not in named)], key=lambda r: r.gap)
+    # A line that was seen may be a bent law, and a law is bent where a line stands beside it.
+    possible = {*others, *(row[0] for row in rows)} if scores.recurs(candidate) else set(others)
+    forms = [k for k in sorted(possible) if _one_bent_law(scores, candidate, k)]
+    told = [r for r in result if scores.owner[r.candidate] not in scores.owner[forms]]
+    return sorted([*(Alternative(k, 0.0) for k in forms), *told], key=lambda rival: rival.gap)
 
 
 def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
-    """Whether two causes of a joint may be a single law of its angle: of a periodic one hardly a period is seen, and
-    then the other mends its form, or it the other's."""
-    first, second = (scores.hypothesis(k) for k in (one, other))
-    if first.place != second.place or {first.effect.seen_against, second.effect.seen_against} != {"q"}:
-        return False
-    if scores.recurs(one) == scores.recurs(other):
+    """Whether two causes of a joint may be a single law: of a periodic one hardly a period is seen, and the other is of
+    a kind that is bent as often as straight."""
+    if scores.hypothesis(one).place != scores.hypothesis(other).place or scores.recurs(one) == scores.recurs(other):
         return False
     line, law = (one, other) if scores.recurs(one) else (other, one)
+    if not scores.hypothesis(law).effect.bends:
+        return False
     return float(scores.resemblance(line, law).mean()) > _HARDLY_A_PERIOD
 
 
@@ -96,11 +97,21 @@ def _shapes(scores: Scores, candidate: int) -> int:
 
 
 def _instead(admission: Admission, candidate: int, others: list[int]) -> list[int]:
-    """A law, at the shape that suits it best, beside those of the others that it does not contain."""
+    """A law, at the shape that suits it best, beside those of the others that it neither contains nor is made with."""
     scores = admission.scores
-    left = [c for c in others if not admission.contained(c, candidate)]
+    gone = {c for c in others if admission.contained(c, candidate)} | _made_with(scores, candidate, others)
+    left = [c for c in others if c not in gone]
     same = np.flatnonzero(scores.owner == scores.owner[candidate])
     return [*left, int(same[np.argmax(scores.gains(left)[same])])]
+
+
+def _made_with(scores: Scores, candidate: int, chosen: Sequence[int]) -> set[int]:
+    """Those of the chosen that a law in the same place makes much the same torque with, beside what it contains: it is
+    no wider than both together."""
+    own = scores.hypothesis(candidate)
+    return {
+        c for c in chosen if (h := scores.hypothesis(c)).place == own.place and h.effect.name in own.effect.made_with
+    }
 
 
 def _explained(scores: Scores, chosen: list[int]) -> float:

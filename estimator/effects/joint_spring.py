@@ -22,6 +22,7 @@ class JointSpring(JointEffect):
     units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad"}
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
+    bends = True
     seen_against = "q"
     experiment = "rest in a grid of poses over the range of {joint}"
 
