@@ -188,7 +188,7 @@ class Search:
     def pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous or impossible, the least supported first."""
         while wrong := self.admission.beyond_limits(chosen, slack=1.0):
-            chosen = [c for c in chosen if c != wrong[0]]
+            chosen = self._possible(chosen, wrong[0])
         while len(chosen) > 1:
             whole = self.scores.support(chosen)
             loss = {k: whole - self.scores.support([c for c in chosen if c != k]) for k in chosen}
@@ -197,6 +197,14 @@ class Search:
                 break
             chosen = [c for c in chosen if c != weakest]
         return chosen
+
+    def _possible(self, chosen: list[int], beyond: int) -> list[int]:
+        """Without a cause that is ``beyond`` its limits; or, where that is better supported, without another of its
+        place that drove it there: of two frictions, the one that takes what is not there of the other."""
+        place = self.scores.hypothesis(beyond).place
+        trials = [[c for c in chosen if c != k] for k in chosen if self.scores.hypothesis(k).place == place]
+        allowed = [t for t in trials if beyond not in t or beyond not in self.admission.beyond_limits(t, slack=1.0)]
+        return max(allowed, key=self.scores.support)
 
     def _swapped(self, chosen: list[int]) -> list[int]:
         """Each cause against all that could stand in its place."""

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import fitted, simpler
 from estimator.diagnosis.scores import Scores
@@ -43,6 +44,27 @@ def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(scores: Scores, m
 
     monkeypatch.setattr(Search, "pruned", nothing)
     assert Search(scores).run() == []
+
+
+@pytest.mark.parametrize("driven", [0, 1])
+def test_of_two_causes_of_which_one_drives_the_other_beyond_its_limits_the_better_supported_stays(
+    scores: Scores, monkeypatch: pytest.MonkeyPatch, driven: int
+) -> None:
+    """A drifting friction beside one that does not drift takes what is not there of it."""
+
+    def best(effect: str, joint: int) -> int:
+        gains = scores.gains([])
+        places = [(scores.hypothesis(k).effect.name, scores.hypothesis(k).place.joint) for k in range(len(gains))]
+        return max((k for k, place in enumerate(places) if place == (effect, joint)), key=lambda k: gains[k])
+
+    friction, slope, elsewhere = best("coulomb_friction", 0), best("viscous_friction", 0), best("coulomb_friction", 1)
+    better = max((friction, slope), key=lambda k: scores.support([elsewhere, k]))
+
+    def beyond(_: Admission, chosen: Sequence[int], slack: float) -> list[int]:
+        return [(friction, slope)[driven]] if {friction, slope} <= set(chosen) else []
+
+    monkeypatch.setattr(Admission, "beyond_limits", beyond)
+    assert Search(scores).pruned([elsewhere, friction, slope]) == [elsewhere, better]
 
 
 def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> None:
