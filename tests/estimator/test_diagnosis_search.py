@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis import judging
+from estimator.diagnosis.accuracy import Searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import fitted, simpler
@@ -135,3 +138,21 @@ def test_a_law_without_what_it_is_named_for_gives_way_to_those_that_it_contains(
     told = {(scores.hypothesis(c.candidate).effect.name, scores.hypothesis(c.candidate).place.joint) for c in found}
     assert told == {(name, joint) for name in names[1:] for joint in range(2)}
     assert len(last.design.candidates) == len(found)
+
+
+def test_what_stood_does_not_fall_by_a_sharper_shape(evidence: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However little a search with sharper laws finds: what explains as much as before is still there."""
+    usual = judging.searched
+
+    def forgetful(own: Evidence, before: Searched | None = None) -> Searched:
+        found = usual(own, before)
+        return found if before is None else replace(found, chosen=found.chosen[:1])
+
+    def same(own: Evidence, *_: object) -> Evidence:
+        return own
+
+    stood = judging.judge(evidence).chosen
+    assert len(stood) > 1
+    monkeypatch.setattr(judging, "sharpened", same)
+    monkeypatch.setattr(judging, "searched", forgetful)
+    assert judging.judge(evidence).chosen == stood
