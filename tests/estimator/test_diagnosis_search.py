@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import judging
-from estimator.diagnosis.accuracy import Searched
+from estimator.diagnosis import judging, sharpening
+from estimator.diagnosis.accuracy import Searched, searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import fitted, simpler
@@ -156,3 +156,23 @@ def test_what_stood_does_not_fall_by_a_sharper_shape(evidence: Evidence, monkeyp
     monkeypatch.setattr(judging, "sharpened", same)
     monkeypatch.setattr(judging, "searched", forgetful)
     assert judging.judge(evidence).chosen == stood
+
+
+def test_wider_laws_are_as_sharp_as_what_they_are_held_against(
+    evidence: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An asymmetric friction is compared with a Coulomb friction, and not its sign's width with the other's."""
+    monkeypatch.setattr(sharpening, "WORTH", -np.inf)
+    found = searched(evidence)
+    refined = fitted(found.evidence, found.scores, [cause.candidate for cause in found.causes])
+    sharp = sharpening.sharpened(evidence, found, found.causes, refined)
+    assert sharp is not None
+    names = [evidence.design.hypotheses[c.hypothesis].effect.name for c in evidence.design.candidates]
+    changed = {
+        (names[k], evidence.design.hypotheses[new.hypothesis].place.joint)
+        for k, (old, new) in enumerate(zip(evidence.design.candidates, sharp.design.candidates, strict=True))
+        if not np.array_equal(old.theta, new.theta)
+    }
+    rubbing = {joint for name, joint in changed if name == "coulomb_friction"}
+    assert rubbing
+    assert {joint for name, joint in changed if name == "asymmetric_friction"} == rubbing
