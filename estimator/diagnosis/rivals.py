@@ -68,9 +68,9 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         result.append(Alternative(k, gap))
     # A line that was seen may be a bent law, and a law is bent where a line stands beside it.
     possible = {*others, *(row[0] for row in rows)} if scores.recurs(candidate) else set(others)
-    forms = [k for k in sorted(possible) if _one_bent_law(scores, candidate, k)]
-    told = [r for r in result if scores.owner[r.candidate] not in scores.owner[forms]]
-    return sorted([*(Alternative(k, 0.0) for k in forms), *told], key=lambda rival: rival.gap)
+    forms = {int(scores.owner[k]): k for k in sorted(possible) if _one_bent_law(scores, candidate, k)}
+    told = [r for r in result if int(scores.owner[r.candidate]) not in forms]
+    return sorted([*(Alternative(k, 0.0) for k in forms.values()), *told], key=lambda rival: rival.gap)
 
 
 def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
