@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 _JITTER_PERIODS, _JITTER = 3.0, 0.01
 """A pause of more than three periods that is also longer than 10 ms is a gap; what is shorter is interpolated."""
+_LARGEST = 1e9
+"""N·m, rad/s, rad/s²: far beyond any joint; a damaged number."""
 _LARGEST_ANGLE = 400.0
 """rad; an arm's joint does not turn 60 times, but an angle in degrees reads like that."""
 
@@ -29,7 +31,7 @@ class Trajectory:
     measurement noise, it gives the instruments of the instrumental-variable estimate. ``unusable``: torques that say
     nothing, of a sensor at the end of its range; that joint's equations leave them out.
 
-    Raises InputError when shapes disagree, time does not rise, or the angles can only be degrees.
+    Raises InputError when shapes disagree, time does not rise, the angles can only be degrees, or a number is damaged.
     """
 
     t: Array
@@ -64,6 +66,10 @@ class Trajectory:
         largest = max(float(np.fmax.reduce(self.q, axis=None)), -float(np.fmin.reduce(self.q, axis=None)))
         if largest > _LARGEST_ANGLE:
             raise InputError(self.name, f"an angle of {largest:.0f} is no joint angle in rad", "convert degrees to rad")
+        for label in ("tau", "dq", "ddq"):
+            value = getattr(self, label)
+            if value is not None and np.nanmax(np.abs(value), initial=0.0) > _LARGEST:
+                raise InputError(self.name, f"{label} holds values beyond {_LARGEST:.0e}", "check that column")
 
     @property
     def samples(self) -> int:

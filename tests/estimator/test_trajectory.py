@@ -64,3 +64,13 @@ def test_wrong_recordings_are_named() -> None:
         Trajectory(**{**data, "q": data["q"] + 430.0})
     with pytest.raises(InputError, match="has 5 samples"):
         Trajectory(**{name: channel[:5] for name, channel in data.items()})
+
+
+@pytest.mark.parametrize("channel", ["tau", "dq", "ddq"])
+def test_a_damaged_number_is_named(channel: str) -> None:
+    t = np.arange(100) / 100.0
+    values = {name: np.zeros((100, 2)) for name in ("tau", "dq", "ddq")}
+    values[channel][40, 1] = -1e200
+    values[channel][41, 1] = np.nan
+    with pytest.raises(InputError, match=f"{channel} holds values beyond 1e.09; check that column"):
+        Trajectory(t, np.zeros((100, 2)), **values)
