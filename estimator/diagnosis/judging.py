@@ -172,12 +172,15 @@ def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float
 
 def _as_named(refined: Refined, number: int) -> float:
     """Standard errors by which that differs from zero without which a cause would be another law; zero where a part of
-    it is not there."""
+    it is not there, or too small a part of the whole."""
     fitted = refined.design.candidates[number]
-    named = list(refined.design.hypotheses[fitted.hypothesis].effect.named_for)
+    effect = refined.design.hypotheses[fitted.hypothesis].effect
+    named = list(effect.named_for)
     if not named:
         return np.inf
     value = refined.coefficients(number)
+    if np.any(np.abs(value[named]) < effect.least_part * abs(value[0])):
+        return 0.0
     errors = np.sqrt(np.diag(refined.covariance_of(number)))[-len(value) :]
     return float(np.min(np.abs(value[named]) / errors[named]))
 

@@ -82,6 +82,8 @@ class Law(ABC):
     """What has a larger one, as a signature of what has no name."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
+    least_part: ClassVar[float] = 0.0
+    """Of its first coefficient, what those must be: with less it is a form of what it contains."""
     bends: ClassVar[bool] = False
     """Whether things of its name are bent as often as they are as straight as its law."""
     recurs: ClassVar[bool] = False

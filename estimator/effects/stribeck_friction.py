@@ -30,6 +30,7 @@ class StribeckFriction(JointEffect):
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")
     named_for = (1,)
+    least_part = 0.1
     seen_against = "dq"
     experiment = "move {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
 

@@ -17,8 +17,9 @@ from estimator.base_parameters import base_parameters
 from estimator.diagnosis.conditional import within_limits
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block
-from estimator.diagnosis.judging import _beyond_nothing
+from estimator.diagnosis.judging import _as_named, _beyond_nothing
 from estimator.diagnosis.stretches import Channel
+from estimator.effects import catalogue
 
 Array = NDArray[np.float64]
 
@@ -89,3 +90,18 @@ def test_a_cause_differs_from_nothing_by_all_its_coefficients(correlation: float
         coefficients=lambda _: np.array([3e-3, 4e3]), covariance_of=lambda _: shape * np.outer(error, error)
     )
     assert _beyond_nothing(refined, 0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("rise", "expected"), [(0.08, 0.0), (0.12, 12.0)])
+def test_a_part_of_a_few_per_cent_is_a_form_of_the_rest(rise: float, expected: float) -> None:
+    """Stribeck friction of level 1, that rises by so much at rest, to a hundredth."""
+    design = SimpleNamespace(
+        candidates=[SimpleNamespace(hypothesis=0)],
+        hypotheses=[SimpleNamespace(effect=catalogue()["stribeck_friction"])],
+    )
+    refined: Any = SimpleNamespace(
+        design=design,
+        coefficients=lambda _: np.array([1.0, rise, 0.5]),
+        covariance_of=lambda _: np.diag([1e-4, 1e-4, 1e-4, 1e-4]),
+    )
+    assert _as_named(refined, 0) == pytest.approx(expected)
