@@ -90,3 +90,20 @@ def test_an_offset_is_no_spring_for_what_chance_would_explain(
     body = make_chain("rr")
     (finding,) = diagnose(body, record(body, lambda q: np.full_like(q, 0.3), 1.0, seed)).findings
     assert (finding.effect, finding.place.joint, finding.status) == ("torque_offset", 1, "named")
+
+
+def test_an_asymmetric_friction_stands_beside_all_that_it_would_replace(
+    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> None:
+    """Coulomb's friction and an offset make what it makes: neither is sure where the other is not."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau[:, 1] += 0.4 * np.where(dq[:, 1] > 0.0, 1.0, -0.55)
+        for _ in range(2):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
+    found = diagnose(body, recordings).findings
+    assert {(f.effect, f.status) for f in found} == {("coulomb_friction", "ambiguous"), ("torque_offset", "ambiguous")}
+    assert all("asymmetric_friction" in [a.effect for a in f.alternatives] for f in found)

@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import judging, sharpening
+from estimator.diagnosis import judging, search, sharpening
 from estimator.diagnosis.accuracy import Searched, searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import fitted, simpler
+from estimator.diagnosis.rivals import Alternative
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -176,3 +177,21 @@ def test_wider_laws_are_as_sharp_as_what_they_are_held_against(
     rubbing = {joint for name, joint in changed if name == "coulomb_friction"}
     assert rubbing
     assert {joint for name, joint in changed if name == "asymmetric_friction"} == rubbing
+
+
+def test_a_shape_that_no_thing_of_its_name_has_is_no_alternative(
+    scores: Scores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Presliding over 0.4 rad cannot stand for a spring by that name."""
+    forms = {
+        float(candidate.theta[0]): k
+        for k, candidate in enumerate(scores.design.candidates)
+        if scores.hypothesis(k).effect.name == "presliding" and scores.hypothesis(k).place.joint == 0
+    }
+
+    def both(*_: object) -> list[Alternative]:
+        return [Alternative(forms[0.4], 0.0), Alternative(forms[0.03], 1.0)]
+
+    monkeypatch.setattr(search, "rivals", both)
+    (cause,) = Search(scores).judged([forms[0.03]])
+    assert [a.candidate for a in cause.alternatives] == [forms[0.03]]
