@@ -266,10 +266,20 @@ def resample(t: Array, channels: Array, rate: float) -> Array:
     return np.asarray(channels[left] * (1.0 - weight) + channels[left + 1] * weight)
 
 
+_ABOVE_FLOOR = 30.0
+"""Times the median of its surroundings: a line of pure noise exceeds it once in 10⁹."""
+_FLOOR_BINS = 64
+"""At least, in which a floor is looked for."""
+_SHAKING = 0.02
+"""Of the velocities' energy."""
+
+
 def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> float:
     """Hz below which ``share`` of the velocities' energy lies, the widest joint of the widest recording.
 
-    From measured velocities where there are some; otherwise from the angles' spectra less their noise floor.
+    From measured velocities where there are some; otherwise from the angles' spectra. Above it only what stands out of
+    the noise counts, whatever its colour. Beyond two octaves without motion, what is less than `_SHAKING` of the
+    energy is none either: a servo that trembles.
     """
     widest = 0.0
     for trajectory in trajectories:
@@ -282,15 +292,33 @@ def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> flo
             channel = np.asarray(detrend(channel, axis=1))
         frequency = np.fft.rfftfreq(channel.shape[1], 1.0 / trajectory.rate)
         power = np.abs(rfft(channel * hann(channel.shape[1], sym=False), axis=1)) ** 2
-        # A line of pure noise exceeds thirty times the median of its like once in 10⁹.
-        floor = np.median(power[:, power.shape[1] // 2 :], axis=1, keepdims=True)
-        energy = np.where(power > 30.0 * floor, power, 0.0)
-        if trajectory.dq is None:
-            energy *= frequency**2
-        total = energy.sum(axis=1)
+        standing = power > _ABOVE_FLOOR * _floor(power)
+        energy = power if trajectory.dq is not None else power * frequency**2
+        told = np.where(standing, energy, 0.0)
+        whole = told.sum(axis=1)
         # A joint with less than 1e-4 of the energy is at rest: its spectrum is chance.
-        for own, whole in zip(energy, total, strict=True):
-            if whole > 1e-4 * total.max():
-                reached = np.searchsorted(np.cumsum(own) / whole, share)
-                widest = max(widest, float(frequency[reached]))
+        for own, above in zip(energy[whole > 1e-4 * whole.max()], told[whole > 1e-4 * whole.max()], strict=True):
+            widest = max(widest, float(frequency[_reach(own, above, share)]))
     return widest
+
+
+def _floor(power: Array) -> Array:
+    """(joints, bins) of spectra, the median of the two octaves above each bin."""
+    bins = power.shape[1]
+    floor = np.empty_like(power)
+    first = 0
+    while first < bins:
+        until = max(first + 1, int(1.2 * first))
+        start = min(first, max(bins - _FLOOR_BINS, bins // 2))
+        floor[:, first:until] = np.median(power[:, start : max(4 * first, start + _FLOOR_BINS)], axis=1, keepdims=True)
+        first = until
+    return floor
+
+
+def _reach(energy: Array, told: Array, share: float) -> int:
+    """The bin below which a motion lies, of its spectrum's energy (bins,) and of what of that stands out of noise."""
+    counted = np.concatenate([np.cumsum(told[::-1])[::-1][1:], [0.0]])
+    whole = np.cumsum(energy) + counted
+    most = int(np.argmax(counted <= _SHAKING * whole))
+    octaves = counted - counted[np.minimum(4 * np.arange(len(counted)), len(counted) - 1)]
+    return most + int(np.argmax(octaves[most:] <= (1.0 - share) * whole[most:]))

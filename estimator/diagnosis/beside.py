@@ -13,6 +13,7 @@ from estimator.diagnosis.grams import total
 from estimator.diagnosis.judging import Judged
 from estimator.diagnosis.torques import plain_blocks, residual_power
 from estimator.diagnosis.traces import signatures, unit_of_channel
+from estimator.diagnosis.unexplained import without_name
 
 
 def at_channel(judged: Judged, channel: str) -> Judged:
@@ -34,10 +35,16 @@ def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
     names = refined.design.body.joints
     drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, names)
     findings = (*found.findings, *judged.findings)
+    there = {
+        joint: replace(left, signature=f"between its motor and its sensor {left.signature}")
+        for joint, left in without_name(judged.nameless).items()
+    }
+    unexplained = there | found.unexplained
     return replace(
         found,
-        verdict=verdict(findings, found.unexplained),
+        verdict=verdict(findings, unexplained),
         findings=findings,
+        unexplained=unexplained,
         traces=replace(found.traces, signatures=(*found.traces.signatures, *drawn)),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.conditional import Conditional, Group, groups_of
-from estimator.diagnosis.design import Design, Hypothesis, stretch_rows
+from estimator.diagnosis.design import Candidate, Design, Hypothesis, stretch_rows
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, part_of, total
 from estimator.diagnosis.noise import Noise
@@ -87,23 +87,48 @@ class Contest:
         the truth with the parameters that the data so far give it.
 
         What of a's torque b cannot imitate, and with it the given model within its tolerance and all that the data so
-        far leave free: the T-criterion (Atkinson and Fedorov 1975), ½‖·‖² in units of the noise.
+        far leave free: the T-criterion (Atkinson and Fedorov 1975), ½‖·‖² in units of the noise. A law that contains
+        the finding is taken as things of its name usually are (`Law.typical`), and speaks against the finding by what
+        the finding speaks against it.
         """
         result = np.zeros((len(self.rivals),) * 2)
         for a, rival in enumerate(self.rivals):
-            support = self.support(total([self.known, self._following(planned, self._fitted(rival))]))
+            truth = self._fitted(rival) if self._typical(rival) is None else self._usual(rival)
+            support = self.support(total([self.known, self._following(planned, truth)]))
             result[a] = support[a] - support
+            if self._typical(rival) is not None:
+                result[0, a] = max(result[0, a], result[a, 0])
         return result
+
+    def _typical(self, rival: Rival) -> tuple[float, ...] | None:
+        """What things of a rival's name usually have beside the finding, where it contains that."""
+        finding = self.rivals[0].hypothesis
+        return rival.hypothesis.effect.typical.get(finding.effect.name) if rival is not self.rivals[0] else None
+
+    def _best(self, rival: Rival) -> Candidate:
+        """A rival's candidate that explains most of the data so far."""
+        gains, _ = Conditional(self.design, self.known, self.weights, self.active).gains(self._groups())
+        best: Candidate = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
+        return best
 
     def _fitted(self, rival: Rival) -> Array:
         """(size,) unknowns of the rival's best candidate, fitted to the data so far, within its limits."""
-        model = Conditional(self.design, self.known, self.weights, self.active)
-        gains, _ = model.gains(self._groups())
-        own = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
+        own = self._best(rival)
         active = np.concatenate([self.active, own.columns])
         value = np.zeros(self.design.size)
         value[active] = Conditional(self.design, self.known, self.weights, active).value
         value[own.columns] = np.clip(value[own.columns], own.lower, own.upper)
+        return value
+
+    def _usual(self, rival: Rival) -> Array:
+        """(size,) unknowns of the finding, fitted, and of what a rival that contains it usually has beside it."""
+        finding, own = self._best(self.rivals[0]), self._best(rival)
+        value = self._fitted(self.rivals[0])
+        beside = float(value[finding.columns[0]]) * np.array(self._typical(rival))
+        active = np.concatenate([self.active, finding.columns])
+        _, score, _ = Conditional(self.design, self.known, self.weights, active).left_of(own.columns)
+        either_way = bool(np.min(beside) < 0.0)
+        value[own.columns] = -beside if either_way and score @ beside < 0.0 else beside
         return value
 
     def _following(self, planned: Block, value: Array) -> Block:

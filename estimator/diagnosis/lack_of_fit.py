@@ -35,7 +35,8 @@ class Misfit:
     variance: float
     """Mean square that it explains, in the noise's variance."""
     false_alarm: float
-    """Probability that chance makes any map of any joint as surprising."""
+    """Probability that chance makes any map of its family as surprising: those that show the forms of the laws that
+    were chosen, or all."""
     recurring: float = 1.0
     """How much of it is there with angles that have other errors (`Scores.recurring`)."""
 
@@ -48,16 +49,26 @@ class Misfit:
 def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
     """By channel, what the chosen candidates leave to a map."""
     maps = [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
+    forms = _forms_of(scores, maps, chosen)
     model, design = scores.model(chosen), scores.design
     found: dict[int, list[Misfit]] = defaultdict(list)
     for k in maps:
         matrix, score, energy = model.left_of(design.candidates[k].columns)
         surprise, gain = _surprise(matrix, score, energy)
         (channel,) = design.candidates[k].channels
-        chance = -np.expm1(-len(maps) * _DEPTHS * np.exp(-surprise))
+        asked = len(forms) if k in forms else len(maps)
+        chance = -np.expm1(-asked * _DEPTHS * np.exp(-surprise))
         variance = 2.0 * gain / (scores.weights[channel] * scores.total.rows)
         found[channel].append(Misfit(k, float(variance), float(chance)))
     return {channel: _most_surprising(scores, chosen, own) for channel, own in found.items()}
+
+
+def _forms_of(scores: Scores, maps: list[int], chosen: list[int]) -> set[int]:
+    """The maps against which the laws that were chosen show their form. They are asked as a family of their own: a
+    known law of another form is what a residual there is first of all."""
+    laws = [scores.hypothesis(k) for k in chosen]
+    seen = {(law.place, law.effect.seen_against) for law in laws if law.effect.seen_against != "law"}
+    return {k for k in maps if ((own := scores.hypothesis(k)).place, own.effect.seen_against) in seen}
 
 
 def left_to_see(scores: Scores, chosen: list[int]) -> Array:

@@ -6,6 +6,7 @@ physical parameter; it tells where the unexplained lives.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import ClassVar
 
@@ -14,10 +15,12 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from estimator.effects import Law, Parameters, Place, Scales, Signals
+from estimator.effects.effect import SeenAgainst
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
+SEEN: Mapping[str, SeenAgainst] = {"angle": "q", "speed": "dq", "acceleration": "ddq", "torque": "tau", "time": "t"}
 _KNOTS = 8
 MEMORY = "travel since reversals"
 _REACH = 2.5
@@ -33,6 +36,7 @@ class Map(Law):
     def __init__(self, quantity: str, of_neighbour: bool = False) -> None:
         self.quantity, self.of_neighbour = quantity, of_neighbour
         self.name = f"map of {quantity}"  # type: ignore[misc]
+        self.seen_against = SEEN.get(quantity, "law")  # type: ignore[misc]
 
     def places(self, body: RigidBody) -> list[Place]:
         if not self.of_neighbour:

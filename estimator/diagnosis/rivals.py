@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from estimator.diagnosis.admission import Admission
@@ -48,29 +49,37 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         if scores.owner[k] == own:
             continue
         shared = gain - max(_beside(scores, k, chosen, beside), 0.0)
-        wider = admission.contained(candidate, k)
-        if wider or admission.contained(k, candidate):
+        if admission.contained(candidate, k) or admission.contained(k, candidate):
             gap = mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
-            instead = _instead(admission, k, [c for c in chosen if c != candidate])
-            more = _explained(scores, instead) - _explained(scores, chosen)
-            freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
-            if wider and not _made_with(scores, k, chosen):
-                # A law of which the motion shows a part alone may have no more freedom than those it contains.
-                chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
-                # Of a wider law that is linear in what it has more, chance is known well.
-                certain = gap > 0.0 and _shapes(scores, k) <= _shapes(scores, candidate)
-                gap = chance if certain else min(gap, chance)
-            else:
-                gap = min(gap, freedom - more)
+            gap = _for_several(admission, candidate, k, chosen, gap)
         result.append(Alternative(k, gap))
     # A line that was seen may be a bent law, and a law is bent where a line stands beside it.
     possible = {*others, *(row[0] for row in rows)} if scores.recurs(candidate) else set(others)
     forms = {int(scores.owner[k]): k for k in sorted(possible) if _one_bent_law(scores, candidate, k)}
     told = [r for r in result if int(scores.owner[r.candidate]) not in forms]
     return sorted([*(Alternative(k, 0.0) for k in forms.values()), *told], key=lambda rival: rival.gap)
+
+
+def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[int], gap: float) -> float:
+    """The gap of a rival that contains some of the chosen, and may stand for all of them, where it is ``gap`` against
+    the one candidate."""
+    scores = admission.scores
+    instead = _instead(admission, rival, [c for c in chosen if c != candidate])
+    more = _explained(scores, instead) - _explained(scores, chosen)
+    freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
+    if not admission.contained(candidate, rival) or _made_with(scores, rival, chosen):
+        return min(gap, freedom - more)
+    # A law of which the motion shows a part alone may have no more freedom than those it contains.
+    chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
+    typical = _typically(scores, rival, candidate, chosen)
+    if typical is not None and chance > AMBIGUOUS:
+        return typical
+    # Of a wider law that is linear in what it has more, chance is known well.
+    certain = gap > 0.0 and _shapes(scores, rival) <= _shapes(scores, candidate)
+    return chance if certain else min(gap, chance)
 
 
 def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
@@ -89,6 +98,25 @@ def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping
     One more line of a spectrum that is there bends the others: that is no merit of its own."""
     own = int(scores.owner[candidate])
     return 0.0 if own in scores.owner[list(chosen)] else best.get(own, 0.0)
+
+
+def _typically(scores: Scores, wide: int, plain: int, chosen: Sequence[int]) -> float | None:
+    """nats by which the recordings speak against a law that has as much beside a plainer one, which was chosen, as
+    things of its name usually have: what they are too poor to show, they do not speak against. None where that is not
+    known."""
+    effect, model = scores.hypothesis(wide).effect, scores.model(chosen)
+    typical = effect.typical.get(scores.hypothesis(plain).effect.name)
+    column = np.flatnonzero(np.isin(model.active, scores.design.candidates[plain].columns))
+    if typical is None or not column.size:
+        return None
+    value = float(model.value[column[0]]) * np.array(typical)
+    against = []
+    for k in np.flatnonzero(scores.owner == scores.owner[wide]):
+        matrix, score, _ = model.left_of(scores.design.candidates[k].columns)
+        told = abs(score @ value) if np.min(typical) < 0.0 else score @ value
+        against.append(0.5 * float(value @ matrix @ value) - float(told))
+    # Its shapes are as likely as each other.
+    return float(np.log(len(against)) - logsumexp(-np.array(against)))
 
 
 def _shapes(scores: Scores, candidate: int) -> int:

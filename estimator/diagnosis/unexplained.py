@@ -54,12 +54,16 @@ def unexplained_by(
         share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
         result.setdefault(evidence.grid.channels[channel].index, left)
-    for finding in nameless:
-        if finding.place.joint is not None:
-            result[finding.place.joint] = Unexplained(
-                finding.share_of_explainable, catalogue()[finding.effect].beyond_known
-            )
-    return result
+    return result | without_name(nameless)
+
+
+def without_name(nameless: Sequence[Finding]) -> dict[int, Unexplained]:
+    """By joint, laws at shapes that no thing of their name has, as what they look like."""
+    return {
+        one.place.joint: Unexplained(one.share_of_explainable, catalogue()[one.effect].beyond_known)
+        for one in nameless
+        if one.place.joint is not None
+    }
 
 
 def _signature(scores: Scores, candidate: int) -> str:

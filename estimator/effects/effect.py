@@ -65,6 +65,9 @@ class Law(ABC):
     """Effects that together with those it contains make much the same torque; preferred likewise."""
     experiment: ClassVar[str]
     """The motion that tells it from what it is confused with, one sentence; ``{joint}`` stands for the joint."""
+    typical: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    """Coefficients that things of its name usually have beside one that it contains, per unit of that one's, either way
+    where a thing may have either: only where recordings would show these is the plainer law named alone."""
     seen_against: ClassVar[SeenAgainst] = "law"
     """The quantity of the joint against which its torque shows its form; ``law``: its own prediction."""
     equation: ClassVar[Equation] = "torque"

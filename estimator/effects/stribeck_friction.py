@@ -31,6 +31,7 @@ class StribeckFriction(JointEffect):
     contains = ("coulomb_friction", "viscous_friction")
     named_for = (1,)
     least_part = 0.1
+    typical: ClassVar = {"coulomb_friction": (0.0, 1.0, 0.0)}
     seen_against = "dq"
     experiment = "move {joint} in slow ramps, from rest to well above the Stribeck velocity, both ways"
 

@@ -9,10 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experiment
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
+from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.excitation import MotionLimits
@@ -123,6 +125,31 @@ def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
     decided = between(again, more, [law[:2], rival])
     support = decided.support(decided.known)
     assert 0.5 < (support[0] - support[1]) / chosen.gaps[0, 1] < 2.0
+
+
+def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidBody, limits: MotionLimits) -> None:
+    """Coulomb's friction beside an asymmetric one: fitted, the wider law is hardly other, and no motion would decide;
+    as joints rub that do so one way more than the other, a motion at speed does."""
+    law: Law = ("coulomb_friction", JOINT, {"level": 0.25})
+    so_far = [measured(arm, law, one_swing([0.5, 0.06, 0.5]), seed) for seed in range(2)]
+    evidence, scores = gathered(arm, so_far)
+    assert behind(scores, "asymmetric_friction") < AMBIGUOUS
+    contested = between(scores, evidence, [law[:2], ("asymmetric_friction", JOINT)])
+    chosen = design_experiment(contested, limits, HOME)
+    assert chosen is not None
+    assert chosen.predicted_gap > UNDECIDED
+    assert chosen.gaps[0, 1] == pytest.approx(chosen.gaps[1, 0])
+    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
+    _, again = gathered(arm, [*so_far, *after])
+    assert 0.5 < behind(again, "asymmetric_friction") / chosen.predicted_gap < 2.0
+
+
+def behind(scores: Scores, name: str) -> float:
+    """nats by which a law of the joint is behind its Coulomb friction."""
+    own = [k for k, h in enumerate(map(scores.hypothesis, range(len(scores.owner)))) if h.place == JOINT]
+    coulomb = max((k for k in own if scores.hypothesis(k).effect.name == "coulomb_friction"), key=scores.gains([]).item)
+    beside = rivals(Admission(scores), coulomb, [coulomb])
+    return next(r.gap for r in beside if r.candidate in own and scores.hypothesis(r.candidate).effect.name == name)
 
 
 def test_no_motion_is_given_where_the_limits_leave_none_that_decides(arm: RigidBody) -> None:

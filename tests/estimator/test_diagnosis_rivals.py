@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.rivals import AMBIGUOUS
 
 Array = NDArray[np.float64]
 
@@ -107,3 +108,38 @@ def test_an_asymmetric_friction_stands_beside_all_that_it_would_replace(
     found = diagnose(body, recordings).findings
     assert {(f.effect, f.status) for f in found} == {("coulomb_friction", "ambiguous"), ("torque_offset", "ambiguous")}
     assert all("asymmetric_friction" in [a.effect for a in f.alternatives] for f in found)
+
+
+@pytest.mark.parametrize(
+    ("level", "back", "beside"),
+    [
+        (0.06, 1.0, {"asymmetric_friction", "stribeck_friction"}),
+        (0.06, 0.6, {"asymmetric_friction", "stribeck_friction"}),
+        (0.4, 1.0, set()),
+    ],
+)
+def test_friction_too_small_to_show_its_form_may_have_either(
+    make_chain: Callable[..., RigidBody],
+    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    level: float,
+    back: float,
+    beside: set[str],
+) -> None:
+    """A joint that rubs twice as much one way, or from rest, would not show it beside this noise."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau[:, 1] += level * np.where(dq[:, 1] > 0.0, 1.0, -back)
+        for _ in range(2):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
+    (finding,) = diagnose(body, recordings).findings
+    assert (finding.effect, finding.place.joint) == ("coulomb_friction", 1)
+    within = {a.effect: a.log_likelihood_gap for a in finding.alternatives if a.log_likelihood_gap < AMBIGUOUS}
+    assert beside <= set(within)
+    assert (finding.status == "ambiguous") == bool(beside)
+    if not beside:
+        # What such a motion shows well, it speaks against.
+        gaps = {a.effect: a.log_likelihood_gap for a in finding.alternatives}
+        assert gaps["asymmetric_friction"] > 30.0

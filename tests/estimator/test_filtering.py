@@ -92,3 +92,20 @@ def test_band_of_a_motion_is_found_despite_quantisation(measured: bool) -> None:
     q = np.round(q / 1e-4) * 1e-4
     trajectory = Trajectory(t, q[:, None], q[:, None], dq[:, None] if measured else None)
     assert motion_band([trajectory]) == pytest.approx(1.5, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "band"),
+    [("noise that falls with frequency", 1.5), ("a servo that trembles", 1.5), ("a shaker", 15.0)],
+)
+def test_band_of_a_motion_is_that_of_what_was_meant(disturbance: str, band: float) -> None:
+    """From angles alone, whose noise is not white; a line far above counts where it holds much of the energy."""
+    t = np.arange(20_000) / 1000.0
+    q = np.sin(2 * np.pi * 0.5 * t) * 2.0 / np.pi + np.sin(2 * np.pi * 1.5 * t) / (3 * np.pi)
+    line = np.sin(2 * np.pi * 15.0 * t) / (2 * np.pi * 15.0)
+    q += {
+        "noise that falls with frequency": np.cumsum(4e-4 * np.random.default_rng(2).normal(size=len(t))),
+        "a servo that trembles": 0.2 * line,
+        "a shaker": 0.5 * line,
+    }[disturbance]
+    assert motion_band([Trajectory(t, q[:, None], q[:, None])]) == pytest.approx(band, rel=0.1)

@@ -53,13 +53,14 @@ def test_clean_arms_are_said_to_be_clean(results: list[Judgement]) -> None:
 def test_effects_as_large_as_the_noise_are_named_on_their_joints(results: list[Judgement]) -> None:
     shares = values(results)
     told = [r.sentence for r in results]
-    assert shares["effect and joint right, effect/noise 0.9 to 1.5"] >= 4 / 6, told
-    assert shares["effect and joint right or in the set named, effect/noise 0.9 to 1.5"] >= 5 / 6, told
+    # An offset, a tilt and an asymmetric friction make much the same torque where the links may be off.
+    assert shares["effect and joint right, effect/noise 0.9 to 1.5"] >= 3 / 6, told
+    assert shares["effect and joint right or in the set named, effect/noise 0.9 to 1.5"] == 1.0, told
 
 
 @pytest.mark.timeout(600)
-def test_hardly_anything_is_confidently_wrong(results: list[Judgement]) -> None:
-    assert sum(bool(r.wrong) for r in results) <= 1, [r.sentence for r in results]
+def test_nothing_is_confidently_wrong(results: list[Judgement]) -> None:
+    assert not any(r.wrong for r in results), [r.sentence for r in results]
 
 
 @pytest.mark.timeout(600)

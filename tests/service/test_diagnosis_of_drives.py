@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from config import InputError
 from driver.recording import read_recording
@@ -14,12 +16,15 @@ from service.diagnosis.request import DiagnoseRequest
 from service.models.model_file import read_model
 from tests.service.pendulum import URDF, pendulum
 
+Array = NDArray[np.float64]
+
 GAIN, ROTOR, COULOMB, VISCOUS = 0.85, 0.08, 1.7, 0.9
 """Of the shoulder's torque constant, and of the elbow's drive."""
 NOISE = 0.2
 
 
-def recording(path: Path, seed: int) -> Path:
+def recording(path: Path, seed: int, hose: Sequence[tuple[float, float]] = ()) -> Path:
+    """``hose``: elements beside the elbow's drive that follow its angle so far (rad), with so much torque (N·m)."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, 14.0, 0.004)
     w = 2.0 * np.pi * np.array([[0.11, 0.37, 0.83], [0.17, 0.29, 0.97]])
@@ -31,11 +36,21 @@ def recording(path: Path, seed: int) -> Path:
     driven = felt.copy()
     driven[:, 0] /= GAIN
     driven[:, 1] += ROTOR * ddq[:, 1] + COULOMB * np.sign(dq[:, 1]) + VISCOUS * dq[:, 1]
+    for give, torque in hose:
+        driven[:, 1] += torque / give * yielding(q[:, 1], give)
     felt, driven = (tau + NOISE * random.standard_normal(tau.shape) for tau in (felt, driven))
     names = [f"{what}_{joint}" for what in ("q", "tau", "tau_motor") for joint in ("shoulder", "elbow")]
     header = ",".join(["t", *names])
     np.savetxt(path, np.column_stack([t, q, felt, driven]), "%.9g", ",", header=header, comments="")
     return path
+
+
+def yielding(q: Array, give: float) -> Array:
+    """(samples,) rad by which a spring that slips beyond ``give`` is wound up."""
+    wound = np.zeros_like(q)
+    for k in range(1, len(q)):
+        wound[k] = np.clip(wound[k - 1] + q[k] - q[k - 1], -give, give)
+    return wound
 
 
 @pytest.fixture
@@ -73,6 +88,20 @@ def test_what_lies_between_motor_and_sensor_is_named(
     assert all(r["after_rms"] < 0.1 * r["before_rms"] for r in drives.values())
     # The sensor's torque is the model's: nothing of a drive is in the model of the arm.
     assert not read_model(tmp_path / "out" / "model.toml").effect
+
+
+def test_a_hose_beside_a_drive_is_told_as_unexplained(
+    tmp_path: Path, urdf: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ETUDE_STATE", str(tmp_path / "state"))
+    hose = [(0.15, 2.0), (0.3, 1.5), (0.6, 1.5)]
+    recordings = tuple(recording(tmp_path / f"{k}.csv", k, hose) for k in range(2))
+    answer = diagnose_recordings(DiagnoseRequest(recordings, arm=str(urdf), directory=tmp_path / "out")).answer
+    assert answer["verdict"] == "unknown"
+    assert "presliding" not in {f["effect"] for f in answer["findings"]}
+    left = answer["unexplained"]["elbow"]
+    assert left["signature"].startswith("between its motor and its sensor a function of travel since reversals")
+    assert left["share"] > 0.2
 
 
 def test_torques_of_some_motors_are_refused(tmp_path: Path) -> None:
