@@ -15,6 +15,7 @@ from estimator.diagnosis.grams import Block, part_of, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import Stretch
+from estimator.diagnosis.typical import against_typical
 from estimator.effects import Signals
 
 Array = NDArray[np.float64]
@@ -87,23 +88,28 @@ class Contest:
         the truth with the parameters that the data so far give it.
 
         What of a's torque b cannot imitate, and with it the given model within its tolerance and all that the data so
-        far leave free: the T-criterion (Atkinson and Fedorov 1975), ½‖·‖² in units of the noise. A law that contains
-        the finding is taken as things of its name usually are (`Law.typical`), and speaks against the finding by what
-        the finding speaks against it.
+        far leave free: the T-criterion (Atkinson and Fedorov 1975), ½‖·‖² in units of the noise. Between the finding
+        and a law that contains it: what all data then say against what things of that name usually have.
         """
         result = np.zeros((len(self.rivals),) * 2)
-        for a, rival in enumerate(self.rivals):
-            truth = self._fitted(rival) if self._typical(rival) is None else self._usual(rival)
-            support = self.support(total([self.known, self._following(planned, truth)]))
+        blocks = [total([self.known, self._following(planned, self._fitted(rival))]) for rival in self.rivals]
+        for a, block in enumerate(blocks):
+            support = self.support(block)
             result[a] = support[a] - support
-            if self._typical(rival) is not None:
-                result[0, a] = max(result[0, a], result[a, 0])
+        for a, rival in enumerate(self.rivals):
+            gap = self._against_typical(blocks[0], rival)
+            if gap is not None:
+                result[0, a] = result[a, 0] = gap
         return result
 
-    def _typical(self, rival: Rival) -> tuple[float, ...] | None:
-        """What things of a rival's name usually have beside the finding, where it contains that."""
-        finding = self.rivals[0].hypothesis
-        return rival.hypothesis.effect.typical.get(finding.effect.name) if rival is not self.rivals[0] else None
+    def _against_typical(self, block: Block, rival: Rival) -> float | None:
+        """nats by which data speak against a rival beside the finding, where it contains that and its usual form is
+        known."""
+        finding = self.rivals[0]
+        own = self._best(finding).columns
+        model = Conditional(self.design, block, self.weights, np.concatenate([self.active, own]))
+        shapes = [self.design.candidates[k].columns for k in rival.candidates]
+        return against_typical(model, finding.hypothesis.effect, int(own[0]), rival.hypothesis.effect, shapes)
 
     def _best(self, rival: Rival) -> Candidate:
         """A rival's candidate that explains most of the data so far."""
@@ -118,17 +124,6 @@ class Contest:
         value = np.zeros(self.design.size)
         value[active] = Conditional(self.design, self.known, self.weights, active).value
         value[own.columns] = np.clip(value[own.columns], own.lower, own.upper)
-        return value
-
-    def _usual(self, rival: Rival) -> Array:
-        """(size,) unknowns of the finding, fitted, and of what a rival that contains it usually has beside it."""
-        finding, own = self._best(self.rivals[0]), self._best(rival)
-        value = self._fitted(self.rivals[0])
-        beside = float(value[finding.columns[0]]) * np.array(self._typical(rival))
-        active = np.concatenate([self.active, finding.columns])
-        _, score, _ = Conditional(self.design, self.known, self.weights, active).left_of(own.columns)
-        either_way = bool(np.min(beside) < 0.0)
-        value[own.columns] = -beside if either_way and score @ beside < 0.0 else beside
         return value
 
     def _following(self, planned: Block, value: Array) -> Block:

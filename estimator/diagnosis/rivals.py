@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.typical import against_typical
 
 AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
@@ -74,7 +74,10 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
         return min(gap, freedom - more)
     # A law of which the motion shows a part alone may have no more freedom than those it contains.
     chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
-    typical = _typically(scores, rival, candidate, chosen)
+    plain, wide = (scores.hypothesis(k).effect for k in (candidate, rival))
+    shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
+    column = int(scores.design.candidates[candidate].columns[0])
+    typical = against_typical(scores.model(chosen), plain, column, wide, shapes)
     if typical is not None and chance > AMBIGUOUS:
         return typical
     # Of a wider law that is linear in what it has more, chance is known well.
@@ -98,25 +101,6 @@ def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping
     One more line of a spectrum that is there bends the others: that is no merit of its own."""
     own = int(scores.owner[candidate])
     return 0.0 if own in scores.owner[list(chosen)] else best.get(own, 0.0)
-
-
-def _typically(scores: Scores, wide: int, plain: int, chosen: Sequence[int]) -> float | None:
-    """nats by which the recordings speak against a law that has as much beside a plainer one, which was chosen, as
-    things of its name usually have: what they are too poor to show, they do not speak against. None where that is not
-    known."""
-    effect, model = scores.hypothesis(wide).effect, scores.model(chosen)
-    typical = effect.typical.get(scores.hypothesis(plain).effect.name)
-    column = np.flatnonzero(np.isin(model.active, scores.design.candidates[plain].columns))
-    if typical is None or not column.size:
-        return None
-    value = float(model.value[column[0]]) * np.array(typical)
-    against = []
-    for k in np.flatnonzero(scores.owner == scores.owner[wide]):
-        matrix, score, _ = model.left_of(scores.design.candidates[k].columns)
-        told = abs(score @ value) if np.min(typical) < 0.0 else score @ value
-        against.append(0.5 * float(value @ matrix @ value) - float(told))
-    # Its shapes are as likely as each other.
-    return float(np.log(len(against)) - logsumexp(-np.array(against)))
 
 
 def _shapes(scores: Scores, candidate: int) -> int:

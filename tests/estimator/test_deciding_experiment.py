@@ -130,7 +130,7 @@ def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
 def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidBody, limits: MotionLimits) -> None:
     """Coulomb's friction beside an asymmetric one: fitted, the wider law is hardly other, and no motion would decide;
     as joints rub that do so one way more than the other, a motion at speed does."""
-    law: Law = ("coulomb_friction", JOINT, {"level": 0.25})
+    law: Law = ("coulomb_friction", JOINT, {"level": 0.18})
     so_far = [measured(arm, law, one_swing([0.5, 0.06, 0.5]), seed) for seed in range(2)]
     evidence, scores = gathered(arm, so_far)
     assert behind(scores, "asymmetric_friction") < AMBIGUOUS
@@ -141,7 +141,7 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert chosen.gaps[0, 1] == pytest.approx(chosen.gaps[1, 0])
     after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
     _, again = gathered(arm, [*so_far, *after])
-    assert 0.5 < behind(again, "asymmetric_friction") / chosen.predicted_gap < 2.0
+    assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, rel=0.2)
 
 
 def behind(scores: Scores, name: str) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.lack_of_fit import _DEPTHS, Misfit, _surprise, misfits
+from estimator.diagnosis.lack_of_fit import _DEPTHS, Misfit, _forms_of, _surprise, misfits
 from estimator.diagnosis.maps import smoothest_first, stops
 from estimator.diagnosis.scores import Scores
 
@@ -69,6 +69,21 @@ def test_the_form_of_a_law_that_was_named_is_asked_first(body: RigidBody, record
     found = diagnose(body, record(lambda dq: np.array([0.02, 0.0]) * dq + np.array([0.0016, 0.0]) * np.abs(dq) * dq))
     assert [(f.effect, f.place.joint) for f in found.findings] == [("viscous_friction", 0)]
     assert {joint: left.signature for joint, left in found.unexplained.items()} == {0: "a function of speed"}
+
+
+def test_what_shows_the_form_of_a_law(body: RigidBody, record: Record) -> None:
+    evidence = gather(body, record(np.zeros_like), 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    every = [scores.hypothesis(k) for k in range(len(scores.owner))]
+    maps = [k for k in range(len(every)) if scores.is_map[scores.owner[k]]]
+
+    def forms(name: str) -> set[tuple[str, int | None]]:
+        law = next(k for k, h in enumerate(every) if h.effect.name == name and h.place.joint == 0)
+        return {(every[k].effect.name, every[k].place.joint) for k in _forms_of(scores, maps, [law])}
+
+    assert forms("viscous_friction") == {("map of speed", 0)}
+    assert forms("joint_spring") == {("map of angle", 0)}
+    assert forms("joint_elasticity") == set()
 
 
 def test_a_memory_of_reversals_is_no_spring(body: RigidBody, record_along: Record) -> None:

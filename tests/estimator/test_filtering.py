@@ -96,7 +96,12 @@ def test_band_of_a_motion_is_found_despite_quantisation(measured: bool) -> None:
 
 @pytest.mark.parametrize(
     ("disturbance", "band"),
-    [("noise that falls with frequency", 1.5), ("a servo that trembles", 1.5), ("a shaker", 15.0)],
+    [
+        ("noise that falls with frequency", 1.5),
+        ("a servo that trembles", 1.5),
+        ("a shaker", 15.0),
+        ("a hundredth of the energy an octave above", 3.0),
+    ],
 )
 def test_band_of_a_motion_is_that_of_what_was_meant(disturbance: str, band: float) -> None:
     """From angles alone, whose noise is not white; a line far above counts where it holds much of the energy."""
@@ -104,8 +109,9 @@ def test_band_of_a_motion_is_that_of_what_was_meant(disturbance: str, band: floa
     q = np.sin(2 * np.pi * 0.5 * t) * 2.0 / np.pi + np.sin(2 * np.pi * 1.5 * t) / (3 * np.pi)
     line = np.sin(2 * np.pi * 15.0 * t) / (2 * np.pi * 15.0)
     q += {
-        "noise that falls with frequency": np.cumsum(4e-4 * np.random.default_rng(2).normal(size=len(t))),
+        "noise that falls with frequency": np.cumsum(1e-3 * np.random.default_rng(2).normal(size=len(t))),
         "a servo that trembles": 0.2 * line,
         "a shaker": 0.5 * line,
+        "a hundredth of the energy an octave above": 0.25 * np.sin(2 * np.pi * 3.0 * t) / (2 * np.pi * 3.0),
     }[disturbance]
     assert motion_band([Trajectory(t, q[:, None], q[:, None])]) == pytest.approx(band, rel=0.1)

@@ -1,0 +1,36 @@
+"""What data say against a law that is as things of its name usually are, where a plainer one that it contains was
+found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from estimator.diagnosis.conditional import Conditional
+from estimator.effects import Law
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def against_typical(model: Conditional, plain: Law, column: int, wide: Law, shapes: Sequence[Indices]) -> float | None:
+    """nats by which they speak against what the ``wide`` law usually has beside the plain one (`Law.typical`), whose
+    coefficient is the model's unknown ``column``; None where that is not known, or the plain one not in the model.
+
+    ``shapes``: the columns (c,) of the wide law's candidates, which are as likely as each other. What data are too poor
+    to show, they do not speak against.
+    """
+    typical = wide.typical.get(plain.name)
+    place = np.flatnonzero(model.active == column)
+    if typical is None or not place.size:
+        return None
+    value = float(model.value[place[0]]) * np.array(typical)
+    against = []
+    for columns in shapes:
+        matrix, score, _ = model.left_of(columns)
+        told = abs(score @ value) if np.min(typical) < 0.0 else score @ value
+        against.append(0.5 * float(value @ matrix @ value) - float(told))
+    return float(np.log(len(against)) - logsumexp(-np.array(against)))
