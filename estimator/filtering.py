@@ -292,13 +292,13 @@ def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> flo
             channel = np.asarray(detrend(channel, axis=1))
         frequency = np.fft.rfftfreq(channel.shape[1], 1.0 / trajectory.rate)
         power = np.abs(rfft(channel * hann(channel.shape[1], sym=False), axis=1)) ** 2
-        standing = power > _ABOVE_FLOOR * _floor(power)
-        energy = power if trajectory.dq is not None else power * frequency**2
-        told = np.where(standing, energy, 0.0)
-        whole = told.sum(axis=1)
+        energy = np.where(power > _ABOVE_FLOOR * _floor(power), power, 0.0)
+        if trajectory.dq is None:
+            energy *= frequency**2
+        whole = energy.sum(axis=1)
         # A joint with less than 1e-4 of the energy is at rest: its spectrum is chance.
-        for own, above in zip(energy[whole > 1e-4 * whole.max()], told[whole > 1e-4 * whole.max()], strict=True):
-            widest = max(widest, float(frequency[_reach(own, above, share)]))
+        for own in energy[whole > 1e-4 * whole.max()]:
+            widest = max(widest, float(frequency[_reach(own, share)]))
     return widest
 
 
@@ -315,10 +315,9 @@ def _floor(power: Array) -> Array:
     return floor
 
 
-def _reach(energy: Array, told: Array, share: float) -> int:
-    """The bin below which a motion lies, of its spectrum's energy (bins,) and of what of that stands out of noise."""
-    counted = np.concatenate([np.cumsum(told[::-1])[::-1][1:], [0.0]])
-    whole = np.cumsum(energy) + counted
-    most = int(np.argmax(counted <= _SHAKING * whole))
-    octaves = counted - counted[np.minimum(4 * np.arange(len(counted)), len(counted) - 1)]
-    return most + int(np.argmax(octaves[most:] <= (1.0 - share) * whole[most:]))
+def _reach(energy: Array, share: float) -> int:
+    """The bin below which a motion lies, of what of its spectrum's energy (bins,) stands out of noise."""
+    below = np.cumsum(energy) / energy.sum()
+    most = int(np.searchsorted(below, 1.0 - _SHAKING))
+    octaves = below[np.minimum(4 * np.arange(len(below)), len(below) - 1)] - below
+    return most + int(np.argmax(octaves[most:] <= 1.0 - share))
