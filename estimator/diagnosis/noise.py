@@ -10,12 +10,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
 Array = NDArray[np.float64]
 
-ORDER = 4
+ORDER = 12
 _ROWS_A_COEFFICIENT = 40
 WIDENED = 1.3
 """Factor on the standard deviation of a noise that no repeats tell."""
@@ -51,13 +52,7 @@ class Noise:
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
-        count = rows.shape[-1] - ORDER
-        taps = self.filters[channel]
-        result = taps[0] * rows[..., ORDER:]
-        for lag in range(1, ORDER + 1):
-            if taps[lag] != 0.0:
-                result += taps[lag] * rows[..., ORDER - lag : ORDER - lag + count]
-        return np.asarray(result)
+        return np.asarray(sliding_window_view(rows, ORDER + 1, axis=-1) @ self.filters[channel, ::-1])
 
 
 def autoregressive(autocovariance: Array, rows: float) -> Array:

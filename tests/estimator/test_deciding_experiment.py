@@ -141,7 +141,9 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert chosen.gaps[0, 1] == pytest.approx(chosen.gaps[1, 0])
     after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
     _, again = gathered(arm, [*so_far, *after])
-    assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, rel=0.2)
+    # A gap scatters by the square root of twice its size.
+    scatter = np.sqrt(2.0 * chosen.predicted_gap)
+    assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
 
 
 def behind(scores: Scores, name: str) -> float:

@@ -66,7 +66,7 @@ def test_a_law_that_is_not_the_catalogue_s_is_flagged_beside_the_one_that_it_res
 
 def test_the_form_of_a_law_that_was_named_is_asked_first(body: RigidBody, record: Record) -> None:
     """Viscous friction that rises a little with the speed: among all maps of all joints it would be chance."""
-    found = diagnose(body, record(lambda dq: np.array([0.02, 0.0]) * dq + np.array([0.0016, 0.0]) * np.abs(dq) * dq))
+    found = diagnose(body, record(lambda dq: np.array([0.02, 0.0]) * dq + np.array([0.0018, 0.0]) * np.abs(dq) * dq))
     assert [(f.effect, f.place.joint) for f in found.findings] == [("viscous_friction", 0)]
     assert {joint: left.signature for joint, left in found.unexplained.items()} == {0: "a function of speed"}
 

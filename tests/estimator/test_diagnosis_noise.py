@@ -1,4 +1,4 @@
-"""The noise that is assumed where no motion was played again."""
+"""What makes noise white, and the noise that is assumed where no motion was played again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator.diagnosis.assumed_noise import assumed_noise
-from estimator.diagnosis.noise import ORDER, WIDENED, Noise
+from estimator.diagnosis.noise import ORDER, WIDENED, Noise, autocovariance, autoregressive
 
 ROWS = 480
 
@@ -61,3 +61,15 @@ def test_a_model_without_columns_leaves_all_noise() -> None:
     found = assumed_noise([[noise]], np.zeros((1, ORDER + 1)))
     assert isinstance(found, Noise)
     assert found.rms[0] == pytest.approx(WIDENED, rel=0.05)
+
+
+@pytest.mark.parametrize(("frequency", "least"), [(0.05, 0.8), (0.1, 0.8), (0.3, 0.8)])
+def test_slow_causes_are_told_beside_the_noise_of_accelerations(frequency: float, least: float) -> None:
+    """Angles' white errors are noise of accelerations, by the fourth power of the frequency (cycles a row): of what the
+    slow rows tell, a filter that makes it white keeps most, and not much more than all."""
+    random = np.random.default_rng(0)
+    rows = np.diff(random.normal(size=4002), 2) + 0.02 * random.normal(size=4000)
+    taps = autoregressive(autocovariance([rows[:, None]])[0], len(rows))
+    phase = np.exp(-2j * np.pi * frequency * np.arange(ORDER + 1))
+    density = (2.0 * np.sin(np.pi * frequency)) ** 4 + 0.02**2
+    assert least < density * abs(taps @ phase) ** 2 < 1.5

@@ -113,7 +113,7 @@ def test_an_asymmetric_friction_stands_beside_all_that_it_would_replace(
 @pytest.mark.parametrize(
     ("level", "back", "beside"),
     [
-        (0.06, 1.0, {"asymmetric_friction", "stribeck_friction"}),
+        (0.05, 1.0, {"asymmetric_friction", "stribeck_friction"}),
         (0.06, 0.6, {"asymmetric_friction", "stribeck_friction"}),
         (0.06, 1.6, {"asymmetric_friction", "stribeck_friction"}),
         (0.4, 1.0, set()),
