@@ -36,7 +36,7 @@ def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
     drawn = signatures(refined, evidence.pieces, evidence.grid, evidence.noise.likely, names)
     findings = (*found.findings, *judged.findings)
     there = {
-        joint: replace(left, signature=f"between its motor and its sensor {left.signature}")
+        joint: replace(left, signature=f"{left.signature}, between its motor and its sensor")
         for joint, left in without_name(judged.nameless).items()
     }
     unexplained = there | found.unexplained

@@ -103,9 +103,11 @@ class Contest:
         return result
 
     def _against_typical(self, block: Block, rival: Rival) -> float | None:
-        """nats by which data speak against a rival beside the finding, where it contains that and its usual form is
-        known."""
+        """nats by which data speak against a rival beside the finding, where it contains that, at the same place, and
+        its usual form is known."""
         finding = self.rivals[0]
+        if rival.hypothesis.place != finding.hypothesis.place:
+            return None
         own = self._best(finding).columns
         model = Conditional(self.design, block, self.weights, np.concatenate([self.active, own]))
         shapes = [self.design.candidates[k].columns for k in rival.candidates]

@@ -146,6 +146,20 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
 
 
+def test_a_wider_law_of_another_joint_is_judged_as_it_was_fitted(arm: RigidBody, limits: MotionLimits) -> None:
+    law: Law = ("coulomb_friction", JOINT, {"level": 0.18})
+    evidence, scores = gathered(arm, [measured(arm, law, one_swing([0.5, 0.06, 0.5]), seed) for seed in range(2)])
+    motion = one_swing([0.5, 0.5, 0.5])
+    here, there = (
+        (contested := between(scores, evidence, [law[:2], ("asymmetric_friction", place)])).expected_gaps(
+            contested.planned(*motion, PLAYINGS)
+        )
+        for place in (JOINT, Place(0))
+    )
+    assert here[0, 1] == here[1, 0]
+    assert there[0, 1] != there[1, 0]
+
+
 def behind(scores: Scores, name: str) -> float:
     """nats by which a law of the joint is behind its Coulomb friction."""
     own = [k for k, h in enumerate(map(scores.hypothesis, range(len(scores.owner)))) if h.place == JOINT]
