@@ -50,7 +50,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             continue
         shared = gain - max(_beside(scores, k, chosen, beside), 0.0)
         if admission.contained(candidate, k) or admission.contained(k, candidate):
-            gap = mine[2] - supported
+            untold = scores.assumed and scores.hypothesis(candidate).effect.told_by_repeats
+            gap = 0.0 if untold else mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):

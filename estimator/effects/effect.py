@@ -87,6 +87,8 @@ class Law(ABC):
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     least_part: ClassVar[float] = 0.0
     """Of its first coefficient, what those must be: with less it is a form of what it contains."""
+    told_by_repeats: ClassVar[bool] = False
+    """Whether only a motion that is played again tells it from what it contains."""
     bends: ClassVar[bool] = False
     """Whether things of its name are bent as often as they are as straight as its law."""
     recurs: ClassVar[bool] = False

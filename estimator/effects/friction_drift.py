@@ -33,6 +33,7 @@ class FrictionDrift(JointEffect):
     named_for = (0, 1)
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
+    told_by_repeats = True
     seen_against = "t"
     experiment = "repeat the first motion of {joint} last, after some minutes of work"
 

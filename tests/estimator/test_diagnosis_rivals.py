@@ -144,3 +144,25 @@ def test_friction_too_small_to_show_its_form_may_have_either(
         # What such a motion shows well, it speaks against.
         gaps = {a.effect: a.log_likelihood_gap for a in finding.alternatives}
         assert gaps["asymmetric_friction"] > 30.0
+
+
+@pytest.mark.parametrize(("playings", "status"), [(2, "named"), (1, "ambiguous")])
+def test_only_a_motion_that_is_played_again_tells_a_drift(
+    make_chain: Callable[..., RigidBody],
+    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    playings: int,
+    status: str,
+) -> None:
+    """Played once, it may be a friction of the places where the joint is late in the motion."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+    for motion in range(2):
+        t, q, dq, ddq = make_periodic(2, 25.0, 200.0, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau[:, 1] += (0.5 + 1.0 * np.exp(-t / 8.0)) * np.sign(dq[:, 1])
+        for _ in range(playings):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + 0.3 * random.normal(size=q.shape)))
+    (finding,) = diagnose(body, recordings).findings
+    assert (finding.effect, finding.place.joint, finding.status) == ("friction_drift", 1, status)
+    if status == "ambiguous":
+        assert [a.effect for a in finding.alternatives] == ["coulomb_friction"]
