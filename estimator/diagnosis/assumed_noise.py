@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.noise import ORDER, WIDENED, Noise, autoregressive
+from estimator.diagnosis.noise import ASSUMED_ORDER, ORDER, WIDENED, Noise, autoregressive
 
 Array = NDArray[np.float64]
 
@@ -42,11 +42,12 @@ def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
         freedom = min(freedom, float(rows.shape[1] - len(kept)))
     covariance = WIDENED**2 * covariance + unseen
     return Noise(
-        filters=np.array([autoregressive(row, freedom) for row in covariance]),
+        filters=np.array([autoregressive(row, freedom, ASSUMED_ORDER) for row in covariance]),
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=0.0,
         playings=0,
         news=np.ones(len(covariance)),
+        past=ASSUMED_ORDER,
     )
 
 

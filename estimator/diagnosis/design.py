@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
-from estimator.diagnosis.noise import ORDER, Noise
+from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Channel, Stretch
 from estimator.effects import Law, Place, Scales, Signals
 from estimator.filtering import Decimator
@@ -175,7 +175,7 @@ def _moment(body: RigidBody) -> Signals:
 def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise) -> list[Array]:
     """For each channel (members + 1, rows): its whitened columns, the residual of the given model last."""
     decimate = Decimator(decimation)
-    rows = max(-(-stretch.signals.samples // decimation) - ORDER, 0)
+    rows = max(-(-stretch.signals.samples // decimation) - noise.past, 0)
     sinks = [
         _Sink(channel, decimate, noise, np.empty((len(members) + 1, rows)))
         for channel, members in enumerate(design.members)

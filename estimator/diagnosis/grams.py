@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.design import Design, stretch_rows
-from estimator.diagnosis.noise import ORDER, Noise
+from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import LEAST_ROWS, Stretch
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def sheets(
         count = rows[0].shape[1]
         own = max(1, round(count / length), min(parts, count // LEAST_ROWS))
         edges = np.linspace(0, count, own + 1).astype(int)
-        times = piece.signals.t[::decimation][ORDER:]
+        times = piece.signals.t[::decimation][noise.past :]
         for begin, end in pairwise(edges):
             yield Sheet(piece.recording, [x[:, begin:end] for x in rows], float(times[(begin + end) // 2]))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import sheets
-from estimator.diagnosis.noise import WIDENED, autocovariance, autoregressive
+from estimator.diagnosis.noise import ASSUMED_ORDER, WIDENED, autocovariance, autoregressive
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import rows_of
 
@@ -32,7 +32,7 @@ def by_what_is_left(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -
     covariance = WIDENED**2 * rows / free * autocovariance(left) + evidence.unseen
     rms = np.sqrt(covariance[:, 0])
     less = rms < noise.rms
-    filters = np.array([autoregressive(row, free) for row in covariance])
+    filters = np.array([autoregressive(row, free, ASSUMED_ORDER) for row in covariance])
     told = replace(noise, filters=np.where(less[:, None], filters, noise.filters), rms=np.where(less, rms, noise.rms))
     blocks = [sheet.compact() for sheet in sheets(design, evidence.pieces, evidence.decimations, told, evidence.parts)]
     return replace(evidence, noise=told, blocks=tuple(blocks))

@@ -17,6 +17,8 @@ from scipy.linalg import solve_toeplitz
 Array = NDArray[np.float64]
 
 ORDER = 12
+ASSUMED_ORDER = 4
+"""Of a noise that no repeats tell: its colour is known roughly."""
 _ROWS_A_COEFFICIENT = 40
 WIDENED = 1.3
 """Factor on the standard deviation of a noise that no repeats tell."""
@@ -37,6 +39,8 @@ class Noise:
     news: Array
     """(channels,) of what independent rows would tell, how much these do: playings of one motion tell errors that they
     have in common more than once. One without such errors."""
+    past: int = ORDER
+    """Rows before each that the filters look at."""
 
     @property
     def likely(self) -> Array:
@@ -51,13 +55,15 @@ class Noise:
         return cls(filters, np.ones(channels), 0.0, 0, np.ones(channels))
 
     def whiten(self, channel: int, rows: Array) -> Array:
-        """(columns, rows − ORDER) of (columns, rows): the first few serve as the filter's past."""
-        return np.asarray(sliding_window_view(rows, ORDER + 1, axis=-1) @ self.filters[channel, ::-1])
+        """(columns, rows − past) of (columns, rows): the first few serve as the filter's past."""
+        taps = self.filters[channel, : self.past + 1]
+        return np.asarray(sliding_window_view(rows, self.past + 1, axis=-1) @ taps[::-1])
 
 
-def autoregressive(autocovariance: Array, rows: float) -> Array:
-    """(ORDER + 1,) whitening filter of noise with this autocovariance (ORDER + 1,) seen over so many rows."""
-    order = int(min(ORDER, rows // _ROWS_A_COEFFICIENT))
+def autoregressive(autocovariance: Array, rows: float, most: int = ORDER) -> Array:
+    """(ORDER + 1,) whitening filter of noise with this autocovariance (ORDER + 1,) seen over so many rows, of ``most``
+    so many coefficients."""
+    order = int(min(most, rows // _ROWS_A_COEFFICIENT))
     result = np.zeros(ORDER + 1)
     variance = max(float(autocovariance[0]), np.finfo(float).tiny)
     if order == 0:
