@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator.diagnosis.assumed_noise import assumed_noise
-from estimator.diagnosis.noise import ORDER, WIDENED, Noise, autocovariance, autoregressive
+from estimator.diagnosis.noise import ASSUMED_ORDER, ORDER, WIDENED, Noise, autocovariance, autoregressive
 
 ROWS = 480
 
@@ -61,6 +61,8 @@ def test_a_model_without_columns_leaves_all_noise() -> None:
     found = assumed_noise([[noise]], np.zeros((1, ORDER + 1)))
     assert isinstance(found, Noise)
     assert found.rms[0] == pytest.approx(WIDENED, rel=0.05)
+    # What a filter looks back at is lost to short recordings.
+    assert found.whiten(0, noise).shape == (1, 4000 - ASSUMED_ORDER)
 
 
 @pytest.mark.parametrize(("frequency", "least"), [(0.05, 0.8), (0.1, 0.8), (0.3, 0.8)])
