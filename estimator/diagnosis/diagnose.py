@@ -101,7 +101,7 @@ def _held_out(
             residual_power(design, whole, refined.value),
         )
     else:
-        plain = plain_blocks(design, evidence.pieces, evidence.decimations, evidence.parts)
+        plain = plain_blocks(design, evidence.pieces, evidence.decimations, evidence.parts, evidence.noise.past)
         whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
         whole = total(plain)
         before = residual_power(design, whole, np.zeros(design.size))

@@ -48,11 +48,11 @@ class Noise:
         return self.rms if self.playings else self.rms / WIDENED
 
     @classmethod
-    def none(cls, channels: int) -> Noise:
-        """Leaves rows as they are."""
+    def none(cls, channels: int, past: int = ORDER) -> Noise:
+        """Leaves rows as they are, but for the first few."""
         filters = np.zeros((channels, ORDER + 1))
         filters[:, 0] = 1.0
-        return cls(filters, np.ones(channels), 0.0, 0, np.ones(channels))
+        return cls(filters, np.ones(channels), 0.0, 0, np.ones(channels), past)
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − past) of (columns, rows): the first few serve as the filter's past."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.conditional import Conditional
 from estimator.diagnosis.design import Design, stretch_rows
 from estimator.diagnosis.grams import Block, sum_up
-from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.stretches import Stretch
 
 Array = NDArray[np.float64]
@@ -30,9 +30,11 @@ def residual_power(design: Design, block: Block, value: Array) -> Array:
     return result / block.rows
 
 
-def plain_blocks(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], parts: int = 1) -> list[Block]:
-    """Grams of rows in the channels' own units, in the same blocks as the whitened ones."""
-    return sum_up(design, pieces, decimations, Noise.none(len(design.channels)), parts)
+def plain_blocks(
+    design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], parts: int = 1, past: int = ORDER
+) -> list[Block]:
+    """Grams of rows in the channels' own units, in the same blocks as those that a noise with this ``past`` makes."""
+    return sum_up(design, pieces, decimations, Noise.none(len(design.channels), past), parts)
 
 
 def left_out_power(
