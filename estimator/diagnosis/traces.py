@@ -131,7 +131,7 @@ class _Rows:
 
     @classmethod
     def of(cls, design: Design, piece: Stretch, decimation: int) -> _Rows:
-        rows = stretch_rows(design, piece, decimation, Noise.none(len(design.channels)))
+        rows = stretch_rows(design, piece, decimation, Noise.none(len(design.channels), past=0))
         edge = _EDGE if rows[0].shape[1] > 4 * _EDGE else 0
         kept = slice(edge, rows[0].shape[1] - edge)
         times = piece.signals.t[::decimation]
