@@ -63,6 +63,7 @@ def test_a_model_without_columns_leaves_all_noise() -> None:
     assert found.rms[0] == pytest.approx(WIDENED, rel=0.05)
     # What a filter looks back at is lost to short recordings.
     assert found.whiten(0, noise).shape == (1, 4000 - ASSUMED_ORDER)
+    assert not found.filters[:, ASSUMED_ORDER + 1 :].any()
 
 
 @pytest.mark.parametrize(("frequency", "least"), [(0.05, 0.8), (0.1, 0.8), (0.3, 0.8)])
