@@ -15,10 +15,39 @@ from estimator.diagnosis.rivals import AMBIGUOUS
 Array = NDArray[np.float64]
 
 
+Periodic = Callable[..., tuple[Array, Array, Array, Array]]
+
+
+def played(
+    body: RigidBody,
+    make_periodic: Periodic,
+    torque: Callable[[Array, Array, Array], Array],
+    *,
+    motions: int = 3,
+    seconds: float = 5.0,
+    playings: int = 2,
+    noise: float = 0.6,
+    reach: float = 1.0,
+    seed: int = 0,
+) -> list[Trajectory]:
+    """Recordings of two joints, the second with a torque of t, q and dq beside the model's; ``reach``: of the usual
+    way."""
+    random, recordings = np.random.default_rng(seed), []
+    for motion in range(motions):
+        t, *path = make_periodic(2, seconds, 200.0, 10 * seed + motion)
+        q, dq, ddq = (reach * x for x in path)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau[:, 1] += torque(t, q[:, 1], dq[:, 1])
+        for _ in range(playings):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + noise * random.normal(size=q.shape)))
+    return recordings
+
+
 @pytest.mark.parametrize(("more_forwards", "status"), [(0.0, "named"), (0.018, "ambiguous")])
 def test_friction_that_is_hardly_other_forwards_may_be_either(
     make_chain: Callable[..., RigidBody],
-    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    make_periodic: Periodic,
     more_forwards: float,
     status: str,
 ) -> None:
@@ -41,20 +70,11 @@ Record = Callable[[RigidBody, Callable[[Array], Array], float, int], list[Trajec
 
 
 @pytest.fixture
-def record(make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Record:
-    """Recordings of two joints, the second with a torque that goes with its angle; ``reach``: of the usual way."""
+def record(make_periodic: Periodic) -> Record:
+    """Recordings with a torque that goes with the second joint's angle."""
 
     def make(body: RigidBody, law: Callable[[Array], Array], reach: float, seed: int) -> list[Trajectory]:
-        random, recordings = np.random.default_rng(seed), []
-        for motion in range(3):
-            t, *motions = make_periodic(2, 5.0, 200.0, 10 * seed + motion)
-            q, dq, ddq = (reach * x for x in motions)
-            tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-            tau[:, 1] += law(q[:, 1])
-            for _ in range(2):
-                measured = q + 1e-6 * random.normal(size=q.shape)
-                recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
-        return recordings
+        return played(body, make_periodic, lambda t, q, dq: law(q), reach=reach, seed=seed)
 
     return make
 
@@ -94,17 +114,11 @@ def test_an_offset_is_no_spring_for_what_chance_would_explain(
 
 
 def test_an_asymmetric_friction_stands_beside_all_that_it_would_replace(
-    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
 ) -> None:
     """Coulomb's friction and an offset make what it makes: neither is sure where the other is not."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
-    for motion in range(3):
-        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-        tau[:, 1] += 0.4 * np.where(dq[:, 1] > 0.0, 1.0, -0.55)
-        for _ in range(2):
-            measured = q + 1e-6 * random.normal(size=q.shape)
-            recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
+    body = make_chain("rr")
+    recordings = played(body, make_periodic, lambda t, q, dq: 0.4 * np.where(dq > 0.0, 1.0, -0.55))
     found = diagnose(body, recordings).findings
     assert {(f.effect, f.status) for f in found} == {("coulomb_friction", "ambiguous"), ("torque_offset", "ambiguous")}
     assert all("asymmetric_friction" in [a.effect for a in f.alternatives] for f in found)
@@ -121,20 +135,14 @@ def test_an_asymmetric_friction_stands_beside_all_that_it_would_replace(
 )
 def test_friction_too_small_to_show_its_form_may_have_either(
     make_chain: Callable[..., RigidBody],
-    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    make_periodic: Periodic,
     level: float,
     back: float,
     beside: set[str],
 ) -> None:
     """A joint that rubs twice as much one way, or from rest, would not show it beside this noise."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
-    for motion in range(3):
-        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-        tau[:, 1] += level * np.where(dq[:, 1] > 0.0, 1.0, -back)
-        for _ in range(2):
-            measured = q + 1e-6 * random.normal(size=q.shape)
-            recordings.append(Trajectory(t, measured, tau + 0.6 * random.normal(size=q.shape)))
+    body = make_chain("rr")
+    recordings = played(body, make_periodic, lambda t, q, dq: level * np.where(dq > 0.0, 1.0, -back))
     (finding,) = diagnose(body, recordings).findings
     assert (finding.effect, finding.place.joint) == ("coulomb_friction", 1)
     within = {a.effect: a.log_likelihood_gap for a in finding.alternatives if a.log_likelihood_gap < AMBIGUOUS}
@@ -149,19 +157,17 @@ def test_friction_too_small_to_show_its_form_may_have_either(
 @pytest.mark.parametrize(("playings", "status"), [(2, "named"), (1, "ambiguous")])
 def test_only_a_motion_that_is_played_again_tells_a_drift(
     make_chain: Callable[..., RigidBody],
-    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    make_periodic: Periodic,
     playings: int,
     status: str,
 ) -> None:
     """Played once, it may be a friction of the places where the joint is late in the motion."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
-    for motion in range(2):
-        t, q, dq, ddq = make_periodic(2, 25.0, 200.0, motion)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-        tau[:, 1] += (0.5 + 1.0 * np.exp(-t / 8.0)) * np.sign(dq[:, 1])
-        for _ in range(playings):
-            measured = q + 1e-6 * random.normal(size=q.shape)
-            recordings.append(Trajectory(t, measured, tau + 0.3 * random.normal(size=q.shape)))
+    body = make_chain("rr")
+
+    def drifting(t: Array, q: Array, dq: Array) -> Array:
+        return np.asarray((0.5 + np.exp(-t / 8.0)) * np.sign(dq))
+
+    recordings = played(body, make_periodic, drifting, motions=2, seconds=25.0, playings=playings, noise=0.3)
     (finding,) = diagnose(body, recordings).findings
     assert (finding.effect, finding.place.joint, finding.status) == ("friction_drift", 1, status)
     if status == "ambiguous":
