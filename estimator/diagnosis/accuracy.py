@@ -79,7 +79,7 @@ def searched(evidence: Evidence, before: Searched | None = None) -> Searched:
     design, tolerance = evidence.design, evidence.tolerance
     if before is None:
         told, errors = evidence.noise, other_errors(evidence)
-        scores = Scores(design, evidence.blocks, evidence.folds, told.news, errors, assumed=not told.playings)
+        scores = Scores(design, evidence.blocks, evidence.folds, told.news, errors, told.degrees_of_freedom)
         chosen = Search(scores).run()
     else:
         scores = before.widest.sharper(design, evidence.blocks)

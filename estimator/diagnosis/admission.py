@@ -15,8 +15,8 @@ is worked out from a noise that is itself estimated, and a diagnosis takes sever
 _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
 _REST = 10.0
-"""Times what is left beyond the noise that a cause explains which completes the model; where the noise is assumed, so
-that nothing tells whether the others' laws fit, at least the noise."""
+"""Times what is surely left beyond the noise that a cause explains which completes the model; where the noise is
+assumed, so that nothing tells whether the others' laws fit, at least the noise."""
 _SEEN = 3.0
 """Likewise, times what is seen to be left as a function of something: mostly the shapes of the grid, before they are
 refined."""
@@ -120,7 +120,7 @@ class Admission:
         rows = self.scores.total.rows
         before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
-        left = np.maximum(_REST * (after - 1.0), _SEEN * misfit)
+        left = np.maximum(_REST * (after - 1.0 - self.scores.noise_error), _SEEN * misfit)
         trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(left, 1.0 if self.scores.assumed else 0.0))
         own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
         lost = self.scores.explained(own, [c for c in chosen if c not in own])

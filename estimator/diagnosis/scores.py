@@ -40,13 +40,16 @@ class Scores:
         folds: Sequence[int],
         news: Array | None = None,
         exchange: Exchange | None = None,
-        assumed: bool = False,
+        freedom: float = np.inf,
     ) -> None:
         """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
         independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchange`` what the
-        playings of repeated motions tell of each other; ``assumed`` whether the noise is, for want of playings."""
-        self.design, self.assumed = design, assumed
+        playings of repeated motions tell of each other; ``freedom`` the degrees of freedom behind the noise's
+        variances, none where it is assumed for want of playings."""
+        self.design, self.assumed = design, freedom == 0.0
         self.total = total(blocks)
+        self.noise_error = float(np.sqrt(2.0 / self.total.rows + 2.0 / (freedom or np.inf)))
+        """Relative standard error of a residual's mean square beside the noise's variance."""
         self.groups = groups_of(design)
         self.owner = np.array([candidate.hypothesis for candidate in design.candidates])
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])

@@ -29,8 +29,6 @@ def unexplained_by(
     rows = scores.total.rows
     before = scores.model([]).squares() / rows
     after = refined.model.squares() / rows
-    freedom = evidence.noise.degrees_of_freedom or np.inf
-    error = np.sqrt(2.0 / rows + 2.0 / freedom)
     found = misfits(scores, chosen)
     result = {}
     for channel in torque_channels(evidence.design):
@@ -41,8 +39,8 @@ def unexplained_by(
         # A noise that is less than it was taken for is at most what such a pattern leaves.
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise
-        if told or left > max(SIGNIFICANT * error, VISIBLE):
-            share = float(min(left / max(before[channel] - noise, left, error), 1.0))
+        if told or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
+            share = float(min(left / max(before[channel] - noise, left, scores.noise_error), 1.0))
             result[joint] = Unexplained(
                 share, _signature(scores, misfit.candidate) if told else "of no single quantity"
             )
@@ -51,7 +49,7 @@ def unexplained_by(
         explained = scores.explained([refused], chosen)
         channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
         name = scores.hypothesis(refused).effect.name.replace("_", " ")
-        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], error))
+        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error))
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
         result.setdefault(evidence.grid.channels[channel].index, left)
     return result | without_name(nameless)
