@@ -37,7 +37,7 @@ class Judgement:
     Attributes:
         outcomes: of each cause that the catalogue has.
         wrong: causes that were named and are not there.
-        outside_flagged: of a scenario with an outside cause, whether it was said that something has no name.
+        flagged: whether it was said that something has no name.
         gain: share of the explainable that the finder's model explains of the held-out motion. The truth itself
             explains all of it, so this is the gain beside that of an oracle who knows cause and parameters.
         sentence: truth and answer, for a reader.
@@ -48,7 +48,7 @@ class Judgement:
     outcomes: tuple[Outcome, ...]
     wrong: tuple[Named, ...]
     sets: tuple[AmbiguousSet, ...]
-    outside_flagged: bool | None
+    flagged: bool
     parameters: tuple[ParameterError, ...]
     gain: float | None
     seconds: float
@@ -57,7 +57,7 @@ class Judgement:
     @property
     def alarm(self) -> bool:
         """Whether something was found, named or not, beyond what is excused."""
-        return self.verdict == "unknown" or bool(self.wrong) or not all(one.holds for one in self.sets)
+        return self.flagged or bool(self.wrong) or not all(one.holds for one in self.sets)
 
     @property
     def clean(self) -> bool:
@@ -65,7 +65,13 @@ class Judgement:
 
     @property
     def outside(self) -> bool:
-        return self.outside_flagged is not None
+        """Whether it has a cause that the catalogue does not have."""
+        return any(not cause.answers for cause in self.truth.causes)
+
+    @property
+    def outside_flagged(self) -> bool | None:
+        """Of a scenario with an outside cause, whether it was said that something has no name."""
+        return self.flagged if self.outside else None
 
     @property
     def right(self) -> bool:
@@ -82,7 +88,6 @@ def judge(truth: Truth, answer: Mapping[str, Any], seconds: float) -> Judgement:
     """Hold the finder's ``answer`` (as `diagnose --json` gives it) against the truth."""
     findings: Sequence[Mapping[str, Any]] = answer["findings"]
     inside = [cause for cause in truth.causes if cause.answers]
-    outside = [cause for cause in truth.causes if not cause.answers]
     rightful = frozenset().union(*(cause.answers for cause in inside))
     excused = truth.excused.union(*(cause.excused for cause in truth.causes))
     named = [_named(finding) for finding in findings if finding["status"] == "named"]
@@ -97,7 +102,7 @@ def judge(truth: Truth, answer: Mapping[str, Any], seconds: float) -> Judgement:
         outcomes=tuple(_outcome(cause, named, sets) for cause in inside),
         wrong=tuple(name for name in named if name not in rightful | excused),
         sets=tuple(AmbiguousSet(len(one), bool(one & (rightful | excused))) for one in sets),
-        outside_flagged=bool(answer["verdict"] == "unknown" or answer["unexplained"]) if outside else None,
+        flagged=bool(answer["verdict"] == "unknown" or answer["unexplained"]),
         parameters=tuple(error for cause in inside for error in _parameter_errors(cause, findings)),
         gain=_gain(answer),
         seconds=seconds,

@@ -51,7 +51,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
     clean = [j for j in judged if j.clean]
     single = [j for j in judged if len(j.truth.causes) == 1 and not j.outside]
     several = [j for j in judged if len(j.truth.causes) > 1]
-    outside = [j for j in judged if j.outside]
+    outside, inside = ([j for j in judged if j.outside is there] for there in (True, False))
     sets = [one for j in judged for one in j.sets]
     parameters = [p for j in judged for p in j.parameters]
     figures = [_share("false alarms on clean arms, family-wise", clean, lambda j: j.alarm, 0.05, True)]
@@ -70,6 +70,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
         _share("ambiguous sets that hold a true cause", sets, lambda one: one.holds, 0.95),
         _median("size of ambiguous sets, median", [one.size for one in sets], 2.0),
         _share("outside effects flagged unknown", outside, lambda j: bool(j.outside_flagged), 0.9),
+        _share("flagged unknown where the catalogue has all of it", inside, lambda j: j.flagged),
         _share("parameters within 1.96 standard errors", parameters, lambda p: abs(p.error) <= Z * p.standard_error),
         _median("relative error of parameters, median", [abs(p.error / p.truth) for p in parameters if p.truth]),
         _gain(judged),

@@ -93,6 +93,7 @@ def judge(evidence: Evidence) -> Judged:
 def _standing(found: Searched) -> tuple[list[Cause], Refined]:
     """The causes of a search that stand by their best shapes."""
     causes, refined = _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
+    causes, refined = _told_once(found.evidence, found.scores, causes, refined)
     return simpler(found.evidence, found.scores, causes, refined)
 
 
@@ -135,6 +136,22 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         if least is None or beyond[least] > 1.0:
             return kept, refined
         kept = Search(scores).judged([k for k in chosen if k != least])
+
+
+def _told_once(
+    evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined
+) -> tuple[list[Cause], Refined]:
+    """The causes without those that another one of the same place contains and that, at its best shape, it hardly needs
+    beside itself: they mended the shape that it has on the grid."""
+    search = Search(scores)
+    for cause in causes:
+        others = [c.candidate for c in causes if c is not cause]
+        if any(search.admission.contained(cause.candidate, k) for k in others):
+            fewer = search.judged(others)
+            shaped = fitted(evidence, scores, [c.candidate for c in fewer])
+            if shaped.explained + WORTH > refined.explained:
+                causes, refined = fewer, shaped
+    return causes, refined
 
 
 def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:

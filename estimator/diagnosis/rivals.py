@@ -69,8 +69,10 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
     the one candidate."""
     scores = admission.scores
     instead = _instead(admission, rival, [c for c in chosen if c != candidate])
-    more = _explained(scores, instead) - _explained(scores, chosen)
-    freedom = sum(map(scores.size, instead)) - sum(map(scores.size, chosen))
+    whole = _with_all_parts(admission, rival, chosen)
+    more = _explained(scores, instead) - _explained(scores, whole)
+    freedom = sum(map(scores.size, instead)) - sum(map(scores.size, whole))
+    gap += max(scores.support(whole) - scores.support(chosen), 0.0)
     if not admission.contained(candidate, rival) or _made_with(scores, rival, chosen):
         return min(gap, freedom - more)
     # A law of which the motion shows a part alone may have no more freedom than those it contains.
@@ -84,6 +86,20 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
     # Of a wider law that is linear in what it has more, chance is known well.
     certain = gap > 0.0 and _shapes(scores, rival) <= _shapes(scores, candidate)
     return chance if certain else min(gap, chance)
+
+
+def _with_all_parts(admission: Admission, rival: int, chosen: list[int]) -> list[int]:
+    """The chosen, and what the rival contains for which one of them stands: an asymmetric friction beside presliding
+    has a Coulomb friction too, and what that explains there speaks for no asymmetry."""
+    scores, place = admission.scores, admission.scores.hypothesis(rival).place
+    there = [scores.hypothesis(c).effect for c in chosen if scores.hypothesis(c).place == place]
+    stood_for = {name for law in there for name in law.contains} - {law.name for law in there}
+    for own, hypothesis in enumerate(scores.design.hypotheses):
+        name = hypothesis.effect.name
+        if hypothesis.place == place and name in stood_for and name in scores.hypothesis(rival).effect.contains:
+            forms = np.flatnonzero(scores.owner == own)
+            chosen = [*chosen, int(forms[np.argmax(scores.gains(chosen)[forms])])]
+    return chosen
 
 
 def _one_bent_law(scores: Scores, one: int, other: int) -> bool:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding, Unexplained
 from estimator.diagnosis.evidence import Evidence
@@ -17,6 +15,8 @@ from estimator.effects import catalogue
 
 SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
+_EXACT = 0.01
+"""Of the explainable: no law is exact to a tenth of its torque, and less than that is no cause of its own."""
 VISIBLE = 0.35
 """Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 
@@ -39,8 +39,8 @@ def unexplained_by(
         # A noise that is less than it was taken for is at most what such a pattern leaves.
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise
-        if told or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
-            share = float(min(left / max(before[channel] - noise, left, scores.noise_error), 1.0))
+        share = float(min(left / max(before[channel] - noise, left, scores.noise_error), 1.0))
+        if (told and share > _EXACT) or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
             result[joint] = Unexplained(
                 share, _signature(scores, misfit.candidate) if told else "of no single quantity"
             )
@@ -49,9 +49,12 @@ def unexplained_by(
         explained = scores.explained([refused], chosen)
         channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
         name = scores.hypothesis(refused).effect.name.replace("_", " ")
-        share = float(explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error))
+        share = float(
+            explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error)
+        )
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
-        result.setdefault(evidence.grid.channels[channel].index, left)
+        if share > _EXACT:
+            result.setdefault(evidence.grid.channels[channel].index, left)
     return result | without_name(nameless)
 
 

@@ -23,18 +23,34 @@ LEVEL = 4.0 * NOISE * np.array([1.4, 0.8, 1.1, 0.7, 1.3, 0.9])
 EVERYWHERE = {"coulomb_friction", "viscous_friction"}
 
 
+def soft(dq: Array) -> Array:
+    """A sign as sharp as 3 mrad/s."""
+    return np.asarray(np.tanh(dq / 0.003))
+
+
+def bristles(dq: Array) -> Array:
+    """LuGre's bristles of 0.1 mrad, damped by 8 ms, step by step at 250 Hz."""
+    give, damped, step = 1e-4, 8e-3, 4e-3
+    bent = np.zeros_like(dq)
+    for k in range(1, len(dq)):
+        bent[k] = (bent[k - 1] + step * dq[k]) / (1.0 + step * np.abs(dq[k]) / give)
+    return np.asarray((bent + damped * np.gradient(bent, step, axis=0)) / give)
+
+
 @pytest.fixture(scope="module")
 def record(
     six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
 ) -> Callable[..., list[Trajectory]]:
-    def make(law: Law | None = None, gain: Array | None = None) -> list[Trajectory]:
+    def make(
+        law: Law | None = None, gain: Array | None = None, dry: Callable[[Array], Array] = soft
+    ) -> list[Trajectory]:
         random = np.random.default_rng(3)
         true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
         result = []
         for motion in range(3):
             t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 250.0, 7 + motion)
             q, dq, ddq = 0.6 * (q - 2.0) + 0.3, 0.6 * dq, 0.6 * ddq
-            tau = inverse_dynamics(six_axis, true, q, dq, ddq) + LEVEL * (np.tanh(dq / 0.003) + 0.5 * dq)
+            tau = inverse_dynamics(six_axis, true, q, dq, ddq) + LEVEL * (dry(dq) + 0.5 * dq)
             tau += 0.0 if law is None else law(q, dq, ddq)
             for playing in range(2):
                 measured = q + 5e-6 * random.normal(size=q.shape)
@@ -54,6 +70,16 @@ def test_friction_of_every_joint_is_named_and_nothing_else(six_axis: RigidBody, 
     assert beside_friction(found) == set()
     assert {(f.effect, f.place.joint) for f in found.findings} == {(e, j) for e in EVERYWHERE for j in range(6)}
     assert found.verdict == "named"
+
+
+def test_friction_of_bristles_is_told_once(six_axis: RigidBody, record: Callable[..., object]) -> None:
+    found = diagnose(six_axis, record(dry=bristles))  # type: ignore[arg-type]
+    told = [(f.effect, f.place.joint, f.status) for f in found.findings]
+    assert {(e, j) for e, j, _ in told if e == "viscous_friction"} == {("viscous_friction", j) for j in range(6)}
+    dry = [j for e, j, _ in told if e in ("coulomb_friction", "presliding")]
+    assert sorted(dry) == list(range(6)), told
+    assert len(told) == 12
+    assert not found.unexplained
 
 
 @pytest.mark.parametrize(

@@ -141,6 +141,19 @@ def test_false_alarms_are_counted_family_wise() -> None:
     assert figure(judged[:9], "false alarms").reached is True
 
 
+def test_what_is_flagged_beside_names_is_an_alarm_on_a_clean_arm_too() -> None:
+    rubs = Truth(0, "puma600", 0.05, (), frozenset({("coulomb_friction", "joint1")}))
+    named = finding("coulomb_friction", "joint1")
+    flagged = [
+        judge(rubs, answer("named", named, unexplained=("joint2",)), 0.5),
+        judge(rubs, answer("named", named), 0.5),
+    ]
+    assert figure(flagged, "false alarms").value == 0.5
+    outside = judge(true(WOBBLE), answer("unknown", unexplained=("joint1",)), 0.5)
+    said = figure([*flagged, outside], "flagged unknown where")
+    assert (said.value, said.count) == (0.5, 2)
+
+
 def test_sizes_are_tallied_apart() -> None:
     right = judge(true(COULOMB), answer("named", finding("coulomb_friction", "joint2")), 0.5)
     silent = judge(true(PAYLOAD), answer("clean"), 0.5)
