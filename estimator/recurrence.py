@@ -216,8 +216,9 @@ class RecurrenceSearch:
 
     def _shared(self, number: int, other: int, lag: float) -> tuple[int, int]:
         """Reference samples that the other piece has too (with room for the cubic's neighbours)."""
-        first = max(0, int(np.ceil(1.0 - lag)))
-        last = min(len(self.pieces[number].q), int(np.floor(len(self.pieces[other].q) - 3 - lag)) + 1)
+        # By whole samples, as the cubic takes its neighbours: 1 − lag may round to a sample that it does not have.
+        first = max(0, 1 - int(np.floor(lag)))
+        last = min(len(self.pieces[number].q), len(self.pieces[other].q) - 2 - int(np.ceil(lag)))
         return first, last
 
     def _difference(self, number: int, other: int, begin: int, end: int, lag: float) -> Array:

@@ -14,8 +14,9 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
+from estimator.diagnosis.plainer import as_seen, fitted, simpler, told_once
 from estimator.diagnosis.quantities import quantities
-from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
@@ -41,7 +42,7 @@ class Judged:
     punctual: bool
     """Whether the channels' timings are borne out better than they are believed at first."""
     chosen: tuple[int, ...]
-    """Candidates of the evidence's design."""
+    """Candidates of the evidence's design that stand; they are told as ``findings``."""
     refined: Refined
     findings: tuple[Finding, ...]
     nameless: tuple[Finding, ...]
@@ -74,8 +75,9 @@ def judge(evidence: Evidence) -> Judged:
     if found.widest is not scores:
         found.widest.reweigh(chosen)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    known = [_known(refined, number) for number in range(len(causes))]
-    told = [finding(found, refined, number, cause, causes) for number, cause in enumerate(causes)]
+    seen, named = as_seen(found.evidence, scores, causes, refined)
+    known = [_known(named, number) for number in range(len(seen))]
+    told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(
         found.evidence,
         scores,
@@ -86,14 +88,14 @@ def judge(evidence: Evidence) -> Judged:
         refined,
         findings=tuple(compress(told, known)),
         nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
-        named=refined.only([number for number, is_known in enumerate(known) if is_known]),
+        named=named.only([number for number, is_known in enumerate(known) if is_known]),
     )
 
 
 def _standing(found: Searched) -> tuple[list[Cause], Refined]:
     """The causes of a search that stand by their best shapes."""
     causes, refined = _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
-    causes, refined = _told_once(found.evidence, found.scores, causes, refined)
+    causes, refined = told_once(found.evidence, found.scores, causes, refined)
     return simpler(found.evidence, found.scores, causes, refined)
 
 
@@ -138,68 +140,11 @@ def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tup
         kept = Search(scores).judged([k for k in chosen if k != least])
 
 
-def _told_once(
-    evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined
-) -> tuple[list[Cause], Refined]:
-    """The causes without those that another one of the same place contains and that, at its best shape, it hardly needs
-    beside itself: they mended the shape that it has on the grid."""
-    search = Search(scores)
-    for cause in causes:
-        others = [c.candidate for c in causes if c is not cause]
-        if any(search.admission.contained(cause.candidate, k) for k in others):
-            fewer = search.judged(others)
-            shaped = fitted(evidence, scores, [c.candidate for c in fewer])
-            if shaped.explained + WORTH > refined.explained:
-                causes, refined = fewer, shaped
-    return causes, refined
-
-
-def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
-    """The causes with special cases in the place of a law that is, at its best shape, without what it is named for:
-    where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
-    search = Search(scores)
-    for cause in causes:
-        chosen = [c.candidate for c in causes]
-        own = _as_named(refined, chosen.index(cause.candidate)) if cause.candidate in chosen else np.inf
-        if own > SIGNIFICANT:
-            continue
-        trial = search.judged(search.pruned(search.special(cause.candidate, chosen)))
-        shaped = fitted(evidence, scores, [c.candidate for c in trial])
-        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, causes, refined)):
-            causes, refined = trial, shaped
-    return causes, refined
-
-
 def _known(refined: Refined, number: int) -> bool:
     """Whether things of a cause's name have its shape, or one within its error."""
     own = refined.design.candidates[number]
     errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(own.theta)]
     return refined.design.hypotheses[own.hypothesis].effect.known(own.theta - _NOTHING * errors)
-
-
-def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
-    """The candidates at their best shapes, under the noise and the weights that they were chosen by."""
-    return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
-
-
-def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:
-    """nats that the causes explain at their best shapes, less their penalty."""
-    return refined.explained - scores.penalty([cause.candidate for cause in causes])
-
-
-def _as_named(refined: Refined, number: int) -> float:
-    """Standard errors by which that differs from zero without which a cause would be another law; zero where a part of
-    it is not there, or too small a part of the whole."""
-    fitted = refined.design.candidates[number]
-    effect = refined.design.hypotheses[fitted.hypothesis].effect
-    named = list(effect.named_for)
-    if not named:
-        return np.inf
-    value = refined.coefficients(number)
-    if np.any(np.abs(value[named]) < effect.least_part * abs(value[0])):
-        return 0.0
-    errors = np.sqrt(np.diag(refined.covariance_of(number)))[-len(value) :]
-    return float(np.min(np.abs(value[named]) / errors[named]))
 
 
 def _told(refined: Refined, number: int) -> float:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 _ITERATIONS = 4
 _STEP = 1e-3
 """Of a non-linear parameter's span: step of the numerical derivative."""
-_FINE = 0.05
+_FINE = 0.3
 """Of a non-linear parameter itself, at most: spans go over decades."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""

@@ -15,8 +15,8 @@ from estimator.effects import catalogue
 
 SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
-_EXACT = 0.01
-"""Of the explainable: no law is exact to a tenth of its torque, and less than that is no cause of its own."""
+FORM = 0.01
+"""Of the explainable: a law's form is exact to a tenth of its torque, and less than that has no name of its own."""
 VISIBLE = 0.35
 """Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 
@@ -40,7 +40,7 @@ def unexplained_by(
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise
         share = float(min(left / max(before[channel] - noise, left, scores.noise_error), 1.0))
-        if (told and share > _EXACT) or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
+        if (told and share > FORM) or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
             result[joint] = Unexplained(
                 share, _signature(scores, misfit.candidate) if told else "of no single quantity"
             )
@@ -53,7 +53,7 @@ def unexplained_by(
             explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error)
         )
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
-        if share > _EXACT:
+        if share > FORM:
             result.setdefault(evidence.grid.channels[channel].index, left)
     return result | without_name(nameless)
 

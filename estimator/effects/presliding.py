@@ -1,5 +1,4 @@
-"""Presliding: after a reversal friction builds up over a small angle, as a spring that yields (Dahl 1968), and the more
-so the faster it does (LuGre; Canudas de Wit et al. 1995)."""
+"""Presliding: after a reversal friction builds up over a small angle, as a spring that yields (Dahl 1968)."""
 
 from __future__ import annotations
 
@@ -16,29 +15,24 @@ from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
-DISTANCES = (2e-5, 1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1, 0.4)
+DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1, 0.4)
 """rad over which friction turns round, to try; at least a hundred-thousandth of the joint's range."""
-LEADS = (5e-3, 15e-3)
-"""s by which friction that turns round within less than a milliradian is ahead of that, to try."""
-_SHARP = 1e-3
-"""rad; what takes longer to turn round shows no such lead."""
+_SHORTEST = 5e-4
+"""rad; what turns over within less is a Coulomb friction: a joint that turns round sticks under its servo meanwhile,
+and smoothed angles do not tell the one from the other."""
 _LONGEST = 0.1
 """rad; what yields over a longer way is no friction."""
 
 
 class Presliding(JointEffect):
-    """level·(f + τ·f'), f' = (sign(dq) − f)·|dq|/δ: theta is the distance δ = level/stiffness, and the lead τ.
-
-    The lead is that of a bristle's damping, and of a servo that answers at a reversal with what the smoothed motion no
-    longer has. It is fitted so that it is not taken for another friction, and is no parameter of the catalogue.
-    """
+    """F' = (level − F·sign(dq))·|dq|/δ with δ = level/stiffness, the presliding distance, which is theta."""
 
     name = "presliding"
     dry = True
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
-    hidden = (1,)
     known_up_to = (_LONGEST,)
+    seen_from = (_SHORTEST,)
     beyond_known = "a function of travel since reversals, as of a hose or a cable that gives"
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)
@@ -48,15 +42,10 @@ class Presliding(JointEffect):
     def grid(self, place: Place, scales: Scales) -> Array:
         joint = self.joint(place)
         least = 1e-5 * float(scales.q_high[joint] - scales.q_low[joint])
-        distances = np.unique(np.maximum(DISTANCES, least))
-        leading = [(float(d), lead) for d in distances[distances < _SHARP] for lead in LEADS]
-        return np.array([*((float(d), 0.0) for d in distances), *leading])
+        return np.unique(np.maximum(DISTANCES, least))[:, None]
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        distance, lead = map(float, theta)
-        friction = bristle(signals.q[:, self.joint(place)], distance)
-        ahead = friction + lead * np.gradient(friction, signals.period) if lead > 0.0 else friction
-        return np.asarray(ahead)[:, None, None]
+        return bristle(signals.q[:, self.joint(place)], float(theta[0]))[:, None, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
@@ -67,10 +56,10 @@ class Presliding(JointEffect):
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         level, stiffness = float(parameters["level"]), float(parameters["stiffness"])
         # Without friction there is no distance over which it turns; any will do.
-        return np.array([level / stiffness if level > 0.0 else DISTANCES[0], 0.0]), np.array([level])
+        return np.array([level / stiffness if level > 0.0 else DISTANCES[0]]), np.array([level])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        (distance, _), (level,) = self.unknowns(place, parameters)
+        (distance,), (level,) = self.unknowns(place, parameters)
         plant.spending.append((self.joint(place), Bristle(float(level), float(distance))))
 
 

@@ -105,23 +105,6 @@ def test_a_wall_pushes_back_where_the_arm_is_behind_it(signals: Signals) -> None
     assert np.any(found[behind[0]])
 
 
-def test_a_damped_bristle_leads(signals: Signals) -> None:
-    """LuGre, step by step: z' = dq − |dq|·z/δ, friction stiffness·z + damping·z'."""
-    level, distance, damped = 2.0, 0.02, 0.01
-    speed, step = signals.dq[:, 2], signals.period / 50.0
-    z, friction = 0.0, np.zeros(len(speed))
-    for k in range(1, len(speed)):
-        for share in np.linspace(0.0, 1.0, 50, endpoint=False):
-            now = speed[k - 1] + share * (speed[k] - speed[k - 1])
-            rate = now - abs(now) * z / distance
-            z += step * rate
-        friction[k] = level / distance * (z + damped * rate)
-    found = effect("presliding").torque(
-        ELBOW, {"stiffness": level / distance, "level": level}, signals, shape=np.array([damped])
-    )
-    assert_close(found[5:-5, 2], friction[5:-5], 0.02)
-
-
 def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
     mass, centre = 0.8, np.array([0.02, -0.01, 0.05])
     heavier = signals.body.prior()

@@ -17,7 +17,8 @@ from estimator.base_parameters import base_parameters
 from estimator.diagnosis.conditional import within_limits
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block
-from estimator.diagnosis.judging import _as_named, _beyond_nothing
+from estimator.diagnosis.judging import _beyond_nothing
+from estimator.diagnosis.plainer import _as_named
 from estimator.diagnosis.stretches import Channel
 from estimator.effects import catalogue
 

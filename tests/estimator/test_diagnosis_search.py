@@ -14,7 +14,7 @@ from estimator.diagnosis import judging, search, sharpening
 from estimator.diagnosis.accuracy import Searched, searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.judging import fitted, simpler
+from estimator.diagnosis.plainer import fitted, simpler
 from estimator.diagnosis.rivals import Alternative
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator import Trajectory
+from estimator.recurrence import Piece, RecurrenceSearch
 from estimator.repeats import aligned, find_repeats, pure_error
 
 Array = NDArray[np.float64]
@@ -42,6 +43,17 @@ def test_repetition_among_recordings_is_found_to_a_fraction_of_a_sample() -> Non
     starts = np.array([o.start for o in group.occurrences])
     np.testing.assert_allclose(np.diff(starts), np.diff(begins), atol=1e-4)
     assert group.mismatch.max() < 1e-3
+
+
+@pytest.mark.parametrize("lag", [0.0, -3e-17, 3e-17, 1.0 - 1e-16, -1.0 - 3e-16, 0.7, -0.7])
+def test_a_lag_that_rounding_makes_is_within_both_recordings(lag: float) -> None:
+    """Two recordings of a simulation are the same to the last digit."""
+    t = np.arange(0.0, 8.0, 0.02)
+    q = angles(t - 0.5, 1, 6.0)
+    search = RecurrenceSearch([Piece(0, 0.0, q), Piece(1, 0.0, q)])
+    first, last = search._shared(0, 1, lag)
+    assert last - first >= len(q) - 5
+    assert search._difference(0, 1, first, last, lag).shape == (last - first, 3)
 
 
 def test_periods_of_one_recording_are_playings(make_periodic: Motion) -> None:

@@ -1,0 +1,102 @@
+"""Plainer laws in the place of one that says, at its best shape, no more than they do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.sharpening import WORTH
+from estimator.diagnosis.unexplained import FORM, SIGNIFICANT
+
+
+def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
+    """The candidates at their best shapes, under the noise and the weights that they were chosen by."""
+    return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
+
+
+def told_once(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
+    """The causes without those that another one of the same place contains and that, at its best shape, it hardly needs
+    beside itself: they mended the shape that it has on the grid."""
+    search = Search(scores)
+    for cause in causes:
+        others = [c.candidate for c in causes if c is not cause]
+        if any(search.admission.contained(cause.candidate, k) for k in others):
+            fewer = search.judged(others)
+            shaped = fitted(evidence, scores, [c.candidate for c in fewer])
+            if shaped.explained + WORTH > refined.explained:
+                causes, refined = fewer, shaped
+    return causes, refined
+
+
+def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
+    """The causes with special cases in the place of a law that is, at its best shape, without what it is named for:
+    where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
+    search = Search(scores)
+    for cause in causes:
+        chosen = [c.candidate for c in causes]
+        own = _as_named(refined, chosen.index(cause.candidate)) if cause.candidate in chosen else np.inf
+        if own > SIGNIFICANT:
+            continue
+        trial = search.judged(search.pruned(search.special(cause.candidate, chosen)))
+        shaped = fitted(evidence, scores, [c.candidate for c in trial])
+        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, causes, refined)):
+            causes, refined = trial, shaped
+    return causes, refined
+
+
+def as_seen(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
+    """The causes as they are told, the rest of them as they stand: in a law's place what it contains, with the law's
+    alternatives, where recordings do not tell its shape from none (`Law.seen_from`); and no such law beside what it
+    contains, where it only mends the form of that."""
+    search = Search(scores)
+    chosen = [cause.candidate for cause in causes]
+    alternatives = {cause.candidate: cause.alternatives for cause in causes}
+    for cause, shaped in zip(causes, refined.design.candidates, strict=True):
+        law = scores.hypothesis(cause.candidate).effect
+        if not law.seen_from:
+            continue
+        others = [k for k in chosen if k != cause.candidate]
+        plainer = [k for k in others if search.admission.contained(k, cause.candidate)]
+        if plainer and (not law.seen(shaped.theta) or _mends(scores, cause.candidate, plainer, others)):
+            chosen = others
+        elif not law.seen(shaped.theta) and (instead := search.special(cause.candidate, chosen)):
+            chosen = instead
+            for plain in set(instead) - set(others):
+                rivals = (a for a in cause.alternatives if scores.owner[a.candidate] != scores.owner[plain])
+                alternatives[plain] = tuple(rivals)
+    if chosen == [cause.candidate for cause in causes]:
+        return causes, refined
+    told = [replace(cause, alternatives=alternatives[cause.candidate]) for cause in search.judged(chosen)]
+    return told, fitted(evidence, scores, [cause.candidate for cause in told])
+
+
+def _mends(scores: Scores, wide: int, plainer: Sequence[int], others: Sequence[int]) -> bool:
+    """Whether a law explains beside those that it contains no more than a law's form is exact to."""
+    more = scores.explained([wide], others).max()
+    return bool(more < FORM * scores.explained([wide, *plainer], [k for k in others if k not in plainer]).max())
+
+
+def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:
+    """nats that the causes explain at their best shapes, less their penalty."""
+    return refined.explained - scores.penalty([cause.candidate for cause in causes])
+
+
+def _as_named(refined: Refined, number: int) -> float:
+    """Standard errors by which that differs from zero without which a cause would be another law; zero where a part of
+    it is not there, or too small a part of the whole."""
+    fitted = refined.design.candidates[number]
+    effect = refined.design.hypotheses[fitted.hypothesis].effect
+    named = list(effect.named_for)
+    if not named:
+        return np.inf
+    value = refined.coefficients(number)
+    if np.any(np.abs(value[named]) < effect.least_part * abs(value[0])):
+        return 0.0
+    errors = np.sqrt(np.diag(refined.covariance_of(number)))[-len(value) :]
+    return float(np.min(np.abs(value[named]) / errors[named]))
