@@ -166,7 +166,9 @@ def _result(
         warnings.append(f"the motion does not tell {', '.join(missing)}: these are the prior's")
     elif missing:
         status = "too little motion"
-        warnings.append(f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, missing)} more")
+        warnings.append(
+            f"the motion does not excite {', '.join(missing)}: move {_idle_joints(layout, found.untold)} more"
+        )
     elif not solution.degrees_of_freedom.any():
         status = "too little data"
         warnings.append("too short for standard errors: record longer, or several motions")
@@ -219,9 +221,10 @@ def _tests(layout: Layout, found: Estimate) -> dict[str, dict[str, float | str]]
     return {"durbin_wu_hausman": {"p_value": found.hausman.p_value, "differs_most": differs_most}}
 
 
-def _idle_joints(layout: Layout, missing: list[str]) -> str:
-    links = sorted({int(name.split()[0].lstrip("-0123456789.").lstrip("mcxyzI")) for name in missing})
-    return ", ".join(layout.body.joints[link - 1] for link in links)
+def _idle_joints(layout: Layout, missing: Sequence[int]) -> str:
+    """The joints of the first link of each base parameter of ``missing``."""
+    links = sorted({int(np.flatnonzero(layout.base.combination[k])[0]) // 10 for k in missing})
+    return ", ".join(layout.body.joints[link] for link in links)
 
 
 def _fit(layout: Layout, sums: Sums, unknowns: Array) -> Fit:

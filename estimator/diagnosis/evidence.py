@@ -29,6 +29,8 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_LEAST = 1e-9
+"""N·m, rad/s: the error of a channel that never shows anything, as the speed of a joint that stands."""
 EXACT = 5e-4
 """Of a channel's rms: time stamps, interpolation and the model's own arithmetic are no more exact than this."""
 
@@ -146,7 +148,7 @@ def _unseen(grid: Grid, pieces: Sequence[Stretch], share: Array) -> Array:
     recurs, and what nothing is computed more exactly than."""
     rounded = [Decimator(grid.decimation(piece.signals.period))(piece.rounding.T).T for piece in pieces]
     covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
-    covariance[:, 0] += EXACT**2 * mean_power(pieces)
+    covariance[:, 0] += EXACT**2 * mean_power(pieces) + _LEAST**2
     return np.asarray(covariance)
 
 

@@ -27,6 +27,10 @@ _REACH = 2.5
 """rms speeds, accelerations, torques to which a map reaches."""
 
 
+_LEAST_REACH = 1e-6
+"""rad, of a joint that stands."""
+
+
 class Map(Law):
     """Torque of a joint as a function of one quantity, its own or each neighbour's."""
 
@@ -57,7 +61,7 @@ class Map(Law):
         if self.quantity == "time":
             return np.linspace(0.0, scales.duration, _KNOTS)[None]
         if self.quantity == MEMORY:
-            reach = float(scales.q_high[joint] - scales.q_low[joint])
+            reach = max(float(scales.q_high[joint] - scales.q_low[joint]), _LEAST_REACH)
             return np.asarray(reach * 0.5 ** np.arange(_KNOTS, 0, -1))[None]
         if self.quantity in ("angle", "friction along the angle"):
             return np.linspace(scales.q_low[joint], scales.q_high[joint], _KNOTS)[None]

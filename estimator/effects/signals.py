@@ -16,6 +16,8 @@ from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
+_AT_REST = 1e-6
+"""rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
 _THIN = 8
 """Samples of a motion for each of which one place is kept."""
 
@@ -191,8 +193,8 @@ class Scales:
         return cls(
             q_low=q.min(axis=0),
             q_high=q.max(axis=0),
-            dq=rms([piece.dq for piece in pieces]),
-            ddq=rms([piece.ddq for piece in pieces]),
+            dq=np.maximum(rms([piece.dq for piece in pieces]), _AT_REST),
+            ddq=np.maximum(rms([piece.ddq for piece in pieces]), _AT_REST),
             tau=rms([piece.torque for piece in pieces]),
             duration=max(float(piece.t[-1]) for piece in pieces),
             band=band,

@@ -13,11 +13,16 @@ Array = NDArray[np.float64]
 
 MOST_ORDERS = 96
 """More are not tried; the highest are then left out."""
+_LEAST_REACH = 1e-3
+"""rad; in less, no order is told from another."""
 
 
 def orders(scales: Scales, joint: int) -> Array:
     """Orders a turn to try at a joint: as close as its range can tell apart, up to where the band ends."""
-    step = max(math.pi / max(float(scales.q_high[joint] - scales.q_low[joint]), 1e-3), 0.5)
+    reach = float(scales.q_high[joint] - scales.q_low[joint])
+    if reach < _LEAST_REACH:
+        return np.ones(1)
+    step = max(math.pi / reach, 0.5)
     highest = 2.0 * math.pi * scales.band / max(float(scales.dq[joint]), 1e-6)
     count = int(min(max((highest - 1.0) / step, 0.0) + 1.0, MOST_ORDERS))
     return np.asarray(1.0 + step * np.arange(count))
