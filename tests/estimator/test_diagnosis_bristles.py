@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import refinement
+from estimator.diagnosis import plainer, refinement, unexplained
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.lack_of_fit import Misfit
 from estimator.diagnosis.plainer import as_seen, fitted, told_once
 from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
@@ -165,6 +168,42 @@ def test_what_is_left_within_the_noise_s_own_error_makes_nothing_a_trifle(
     nothing = np.zeros(len(evidence.design.channels))
     told = [Admission(scores).told(dry, [dry], nothing) for scores in (known, unsure)]
     assert told[1] > 2.0 * told[0]
+
+
+def test_what_is_not_seen_falls_however_much_it_mends(
+    gathered: Callable[[Friction], Evidence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence = gathered(lambda q, dq: np.array([1.0, 0.0]) * (3.0 * bristles(q, 2e-4) + 2.0 * np.sign(dq)))
+    scores = scores_of(evidence)
+    stood = Search(scores).judged(best_of(scores, ("presliding", "coulomb_friction")))
+    monkeypatch.setattr(plainer, "_mends", lambda *_: False)
+    refined = fitted(evidence, scores, [cause.candidate for cause in stood])
+    for give, names in ((4e-4, ["coulomb_friction"]), (6e-4, ["coulomb_friction", "presliding"])):
+        shaped = tuple(
+            replace(own, theta=np.array([give])) if scores.hypothesis(cause.candidate).effect.seen_from else own
+            for own, cause in zip(refined.design.candidates, stood, strict=True)
+        )
+        bent = replace(refined, design=replace(refined.design, candidates=shaped))
+        told, _ = as_seen(evidence, scores, stood, bent)
+        assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
+
+
+@pytest.mark.parametrize(("slope", "flagged"), [(0.05, False), (1.0, True)])
+def test_what_one_part_of_the_motions_shows_is_told_from_a_hundredth_on(
+    gathered: Callable[[Friction], Evidence], monkeypatch: pytest.MonkeyPatch, slope: float, flagged: bool
+) -> None:
+    evidence = gathered(lambda q, dq: np.array([1.0, 0.0]) * (2.0 * np.sign(dq) + slope * dq))
+    scores = scores_of(evidence)
+    dry, viscous = best_of(scores, ("coulomb_friction", "viscous_friction"))
+    monkeypatch.setattr(Admission, "one_sided", lambda *_: viscous)
+    monkeypatch.setattr(unexplained, "misfits", no_misfits)
+    left = unexplained.unexplained_by(evidence, scores, fitted(evidence, scores, [dry, viscous]), [dry], ())
+    assert (0 in left) is flagged
+
+
+def no_misfits(*_: object) -> dict[int, Misfit]:
+    """No map explains anything."""
+    return defaultdict(lambda: Misfit(0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(("level", "flagged"), [(2.0, False), (0.3, True)])
