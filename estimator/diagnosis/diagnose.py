@@ -25,6 +25,7 @@ from estimator.diagnosis.torques import (
 )
 from estimator.diagnosis.traces import Traces, traces
 from estimator.diagnosis.unexplained import SIGNIFICANT, unexplained_by
+from estimator.differences import with_speeds_of_their_own
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -46,7 +47,8 @@ def diagnose(
     recordings on which the gain is measured; without them, data left out in turn.
     Raises InputError for recordings that cannot be judged.
     """
-    judged = judge(gather(body, trajectories, tolerance))
+    own = with_speeds_of_their_own(trajectories)
+    judged = judge(gather(body, own, tolerance))
     evidence, scores, refined, findings = judged.evidence, judged.scores, judged.named, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
@@ -61,7 +63,7 @@ def diagnose(
         held_out=_held_out(evidence, scores, refined, body, hold_out),
         smallest_detectable=sizes,
         detectable_units=units,
-        notes=tuple(_notes(evidence, given, tolerance, judged)),
+        notes=tuple(_notes(evidence, given, tolerance, judged, own[0].dq is trajectories[0].dq)),
         traces=_traces(evidence, refined, body, hold_out),
         band=evidence.grid.band,
         base_deviation=_deviation(evidence, refined, given),
@@ -129,8 +131,10 @@ def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
     return np.asarray(first + refined.value[: base.rank])
 
 
-def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judged) -> list[str]:
+def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judged, own_speeds: bool) -> list[str]:
     notes = []
+    if not own_speeds:
+        notes.append("the speeds are differences of the angles, and are not compared with them")
     off = sorted(f.place.joint for f in judged.findings if f.effect == "link_inertia" and f.place.joint is not None)
     if len(off) > 1:
         notes.append(

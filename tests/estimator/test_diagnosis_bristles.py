@@ -94,6 +94,13 @@ def test_what_mended_the_shape_that_a_grid_has_falls_at_the_best_shape(
     ]
 
 
+def test_presliding_between_two_shapes_of_the_grid_is_named_once(
+    record: Callable[[Friction], tuple[RigidBody, list[Trajectory]]],
+) -> None:
+    found = diagnose(*record(lambda q, dq: np.array([1.0, 0.0]) * bristles(q, 1.4e-3)))
+    assert [(f.effect, f.place.joint) for f in found.findings] == [("presliding", 0)]
+
+
 @pytest.mark.parametrize("give", [3e-4, 1e-3])
 def test_a_way_that_is_a_small_part_of_its_span_is_refined(
     gathered: Callable[[Friction], Evidence], give: float
