@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 _ITERATIONS = 4
 _STEP = 1e-3
 """Of a non-linear parameter's span: step of the numerical derivative."""
-_FINE = 0.3
-"""Of a non-linear parameter itself, at most: spans go over decades."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""
 _LEAST_DELAY, _LONGEST_DELAY = 1e-4, 0.1
@@ -138,10 +136,8 @@ def _neighbours(candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Ar
 
 
 def _shift(candidate: Candidate, span: tuple[Array, Array], k: int) -> float:
-    theta = float(candidate.theta[k])
-    step = _STEP * (float(span[1][k] - span[0][k]) or abs(theta) or 1.0)
-    step = min(step, _FINE * abs(theta)) if theta else step
-    return -step if theta + step > span[1][k] else step
+    width = float(span[1][k] - span[0][k]) or abs(float(candidate.theta[k])) or 1.0
+    return -_STEP * width if candidate.theta[k] + _STEP * width > span[1][k] else _STEP * width
 
 
 def _slopes(

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import plainer, refinement, unexplained
+from estimator.diagnosis import plainer, unexplained
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import Evidence, gather
@@ -101,21 +101,14 @@ def test_presliding_between_two_shapes_of_the_grid_is_named_once(
     assert [(f.effect, f.place.joint) for f in found.findings] == [("presliding", 0)]
 
 
-@pytest.mark.parametrize("give", [3e-4, 1e-3])
-def test_a_way_that_is_a_small_part_of_its_span_is_refined(
-    gathered: Callable[[Friction], Evidence], give: float
+def test_friction_that_turns_over_within_less_than_is_seen_is_coulomb_friction_alone(
+    record: Callable[[Friction], tuple[RigidBody, list[Trajectory]]],
 ) -> None:
-    """Half a radian is tried, and a fraction of a milliradian is found."""
-    evidence = gathered(lambda q, dq: 20.0 * bristles(q, give))
-    scores = scores_of(evidence)
-    refined = fitted(evidence, scores, best_of(scores, ("presliding",)))
-    ((distance,),) = (candidate.theta for candidate in refined.design.candidates)
-    assert abs(distance - give) < 0.25 * give
-    spans = [refinement._span(evidence.design, k) for k in best_of(scores, ("presliding",))]
-    for own, other in zip(
-        refined.design.candidates, refinement._neighbours(refined.design.candidates, spans), strict=True
-    ):
-        assert 0.0 < abs(other.theta[0] - own.theta[0]) < 0.5 * own.theta[0]
+    found = diagnose(*record(lambda q, dq: np.array([1.0, 0.0]) * 3.0 * bristles(q, 3e-4)))
+    (dry,) = found.findings
+    assert (dry.effect, dry.place.joint) == ("coulomb_friction", 0), dry.alternatives
+    assert abs(float(dry.parameters["level"].value) - 3.0) < 0.06
+    assert "presliding" not in {rival.effect for rival in dry.rivals if rival.place == dry.place}
 
 
 def test_what_the_dry_part_of_a_wider_law_explains_speaks_for_no_asymmetry(
