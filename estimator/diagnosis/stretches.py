@@ -40,8 +40,6 @@ _UNSURE = 0.5
 may be unsure …"""
 _FAR = 4.0
 """… where it differs from the motion by so many times what it does between."""
-_STANDING = 1e-9
-"""rad; a joint whose angles stay within this stands, and its speed is the rounding of the computation."""
 _OWN = 0.5
 """Of that: once and a half the motion's band holds all but a hundredth of its accelerations."""
 
@@ -136,16 +134,14 @@ def _stretch(
     def smoothed(channel: Array) -> Array:
         return convolve(resample(t, channel[piece], plan.rate), plan.smooth)[thin]
 
-    angles = trajectory.q[piece]
-    standing = np.ptp(angles, axis=0) < _STANDING
-    measured = resample(t, angles, plan.rate)
-    motion = _without_rounding(smooth_motion(plan, measured, None, None), standing, angles[0])
+    measured = resample(t, trajectory.q[piece], plan.rate)
+    motion = smooth_motion(plan, measured, None, None)
     q, dq, ddq = motion.q[thin], motion.dq[thin], motion.ddq[thin]
     times = t[0] + (plan.edge + plan.stride * np.arange(len(q))) / plan.rate
     rigid = inverse_dynamics(body, body.prior(), q, dq, ddq)
     tau = smoothed(trajectory.tau)
     speed = None if trajectory.dq is None else smoothed(trajectory.dq)
-    calm = _without_rounding(calm_motion(grid, plan, measured), standing, angles[0])
+    calm = calm_motion(grid, plan, measured)
     still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
     # Without the measured torque: in a column its noise is the residual's, and would be taken for evidence.
     signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), dq_measured=speed)
@@ -166,12 +162,6 @@ def _stretch(
     size = np.array([np.mean((tau if c.equation == "torque" else dq)[:, c.index] ** 2) for c in grid.channels])
     sure = _sure(still[2], ddq, int(_UNSURE * plan.rate / plan.stride / grid.motion))
     return Stretch(recording, signals.part(sure, times[sure]), residual[sure], rounded[sure], size)
-
-
-def _without_rounding(motion: Motion, standing: NDArray[np.bool_], q: Array) -> Motion:
-    """The motion with those joints exactly at rest at ``q`` (n,) that stand: laws are scaled by how a joint moves."""
-    moving = ~standing
-    return Motion(np.where(standing, q, motion.q), motion.dq * moving, motion.ddq * moving)
 
 
 def _sure(calm: Array, ddq: Array, most: int) -> slice:

@@ -111,6 +111,14 @@ def test_friction_that_turns_over_within_less_than_is_seen_is_coulomb_friction_a
     assert "presliding" not in {rival.effect for rival in dry.rivals if rival.place == dry.place}
 
 
+def test_a_shape_that_is_not_seen_is_no_alternative(gathered: Callable[[Friction], Evidence]) -> None:
+    scores = scores_of(gathered(lambda q, dq: np.array([1.0, 0.0]) * np.tanh(dq / 0.05)))
+    (cause,) = Search(scores).judged(best_of(scores, ("coulomb_friction",)))
+    rivals_of_it = [rival.candidate for rival in cause.alternatives]
+    assert rivals_of_it
+    assert all(scores.hypothesis(k).effect.seen(scores.design.candidates[k].theta) for k in rivals_of_it)
+
+
 def test_what_the_dry_part_of_a_wider_law_explains_speaks_for_no_asymmetry(
     gathered: Callable[[Friction], Evidence],
 ) -> None:
