@@ -25,8 +25,6 @@ _KNOTS = 8
 MEMORY = "travel since reversals"
 _REACH = 2.5
 """rms speeds, accelerations, torques to which a map reaches."""
-
-
 _LEAST_REACH = 1e-6
 """rad, of a joint that stands."""
 

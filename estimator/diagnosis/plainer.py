@@ -25,7 +25,7 @@ def told_once(evidence: Evidence, scores: Scores, causes: list[Cause], refined: 
     beside itself: they mended the shape that it has on the grid."""
     search = Search(scores)
     for cause in causes:
-        others = [c.candidate for c in causes if c is not cause]
+        others = [c.candidate for c in causes if c.candidate != cause.candidate]
         if any(search.admission.contained(cause.candidate, k) for k in others):
             fewer = search.judged(others)
             shaped = fitted(evidence, scores, [c.candidate for c in fewer])

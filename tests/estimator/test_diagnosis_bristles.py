@@ -83,12 +83,15 @@ def best_of(scores: Scores, names: tuple[str, ...], joint: int = 0) -> list[int]
 def test_what_mended_the_shape_that_a_grid_has_falls_at_the_best_shape(
     gathered: Callable[[Friction], Evidence], sharp: float, names: set[str]
 ) -> None:
+    """At both joints."""
     evidence = gathered(lambda q, dq: 3.0 * bristles(q, 0.016) + sharp * np.sign(dq))
     scores = scores_of(evidence)
-    causes = Search(scores).judged(best_of(scores, ("presliding", "coulomb_friction")))
+    both = [k for joint in range(2) for k in best_of(scores, ("presliding", "coulomb_friction"), joint)]
+    causes = Search(scores).judged(both)
     refined = fitted(evidence, scores, [cause.candidate for cause in causes])
     left, shaped = told_once(evidence, scores, causes, refined)
-    assert {scores.hypothesis(cause.candidate).effect.name for cause in left} == names
+    told = [scores.hypothesis(cause.candidate) for cause in left]
+    assert {(h.effect.name, h.place.joint) for h in told} == {(name, joint) for name in names for joint in range(2)}
     assert [candidate.hypothesis for candidate in shaped.design.candidates] == [
         scores.design.candidates[cause.candidate].hypothesis for cause in left
     ]
