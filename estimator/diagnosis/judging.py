@@ -14,7 +14,7 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
-from estimator.diagnosis.plainer import as_seen, fitted, simpler, told_once
+from estimator.diagnosis.plainer import fitted, simpler, told_once, without_menders
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.scores import Scores
@@ -75,7 +75,7 @@ def judge(evidence: Evidence) -> Judged:
     if found.widest is not scores:
         found.widest.reweigh(chosen)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    seen, named = as_seen(found.evidence, scores, causes, refined)
+    seen, named = without_menders(found.evidence, scores, causes, refined)
     known = [_known(named, number) for number in range(len(seen))]
     told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(

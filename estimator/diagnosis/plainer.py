@@ -50,36 +50,32 @@ def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Re
     return causes, refined
 
 
-def as_seen(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
-    """The causes as they are told, the rest of them as they stand: in a law's place what it contains, with the law's
-    alternatives, where recordings do not tell its shape from none (`Law.seen_from`); and no such law beside what it
-    contains, where it only mends the form of that."""
+def without_menders(
+    evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined
+) -> tuple[list[Cause], Refined]:
+    """The causes as they are told, the rest of them as they stand: a law that only mends the form of what it contains
+    (`Law.mends`), by no more than a law's form is exact to, is told as that, with the alternatives that it had."""
     search = Search(scores)
-    chosen = [cause.candidate for cause in causes]
     alternatives = {cause.candidate: cause.alternatives for cause in causes}
-    for cause, shaped in zip(causes, refined.design.candidates, strict=True):
-        law = scores.hypothesis(cause.candidate).effect
-        if not law.seen_from:
+    for cause in causes:
+        chosen = [c.candidate for c in causes]
+        if not scores.hypothesis(cause.candidate).effect.mends:
             continue
         others = [k for k in chosen if k != cause.candidate]
         plainer = [k for k in others if search.admission.contained(k, cause.candidate)]
-        if plainer and (not law.seen(shaped.theta) or _mends(scores, cause.candidate, plainer, others)):
-            chosen = others
-        elif not law.seen(shaped.theta) and (instead := search.special(cause.candidate, chosen)):
-            chosen = instead
+        instead = others if plainer else search.special(cause.candidate, chosen)
+        if not instead:
+            continue
+        told = search.judged(instead)
+        shaped = fitted(evidence, scores, [c.candidate for c in told])
+        without = fitted(evidence, scores, [k for k in others if k not in plainer])
+        if refined.explained - shaped.explained < FORM * (refined.explained - without.explained):
             for plain in set(instead) - set(others):
-                rivals = (a for a in cause.alternatives if scores.owner[a.candidate] != scores.owner[plain])
-                alternatives[plain] = tuple(rivals)
-    if chosen == [cause.candidate for cause in causes]:
-        return causes, refined
-    told = [replace(cause, alternatives=alternatives[cause.candidate]) for cause in search.judged(chosen)]
-    return told, fitted(evidence, scores, [cause.candidate for cause in told])
-
-
-def _mends(scores: Scores, wide: int, plainer: Sequence[int], others: Sequence[int]) -> bool:
-    """Whether a law explains beside those that it contains no more than a law's form is exact to."""
-    more = scores.explained([wide], others).max()
-    return bool(more < FORM * scores.explained([wide, *plainer], [k for k in others if k not in plainer]).max())
+                own = scores.owner[plain]
+                alternatives[plain] = tuple(a for a in cause.alternatives if scores.owner[a.candidate] != own)
+            causes = [replace(c, alternatives=alternatives[c.candidate]) for c in told]
+            refined = shaped
+    return causes, refined
 
 
 def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:

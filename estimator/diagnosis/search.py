@@ -260,6 +260,5 @@ class Search:
         return Cause(candidate, gain, false_alarm, held_out, tuple(a for a in near if self._named(a.candidate)))
 
     def _named(self, candidate: int) -> bool:
-        """Whether things of its name have its shape, and recordings tell it."""
-        effect, theta = self.scores.hypothesis(candidate).effect, self.design.candidates[candidate].theta
-        return effect.known(theta) and effect.seen(theta)
+        """Whether things of its name have its shape."""
+        return self.scores.hypothesis(candidate).effect.known(self.design.candidates[candidate].theta)

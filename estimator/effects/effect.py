@@ -83,9 +83,9 @@ class Law(ABC):
     like one is seen not to be. Empty: what the grid holds."""
     beyond_known: ClassVar[str] = ""
     """What has a larger one, as a signature of what has no name."""
-    seen_from: ClassVar[tuple[float, ...]] = ()
-    """Of each entry of theta, the least that recordings tell from none. With less it stands for what it contains, at a
-    shape that this one's own law has not, and is told as that."""
+    mends: ClassVar[bool] = False
+    """Whether it differs from what it contains in form alone: where it explains hardly more than that, it stands for a
+    form that the plainer law has not, and is told as that law."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     least_part: ClassVar[float] = 0.0
@@ -100,10 +100,6 @@ class Law(ABC):
     def known(self, theta: Array) -> bool:
         """Whether there are things of its name with these."""
         return bool(np.all(theta[: len(self.known_up_to)] <= np.array(self.known_up_to)))
-
-    def seen(self, theta: Array) -> bool:
-        """Whether recordings tell these from none."""
-        return bool(np.all(theta[: len(self.seen_from)] >= np.array(self.seen_from)))
 
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its

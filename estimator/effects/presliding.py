@@ -17,9 +17,6 @@ Array = NDArray[np.float64]
 
 DISTANCES = (1e-4, 5e-4, 2e-3, 8e-3, 3e-2, 0.1, 0.4)
 """rad over which friction turns round, to try; at least a hundred-thousandth of the joint's range."""
-_SHORTEST = 5e-4
-"""rad; what turns over within less is a Coulomb friction: a joint that turns round sticks under its servo meanwhile,
-and smoothed angles do not tell the one from the other."""
 _LONGEST = 0.1
 """rad; what yields over a longer way is no friction."""
 
@@ -32,7 +29,7 @@ class Presliding(JointEffect):
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
     known_up_to = (_LONGEST,)
-    seen_from = (_SHORTEST,)
+    mends = True
     beyond_known = "a function of travel since reversals, as of a hose or a cable that gives"
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import plainer, unexplained
+from estimator.diagnosis import unexplained
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.lack_of_fit import Misfit
-from estimator.diagnosis.plainer import as_seen, fitted, told_once
+from estimator.diagnosis.plainer import fitted, told_once, without_menders
 from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
@@ -104,22 +103,13 @@ def test_presliding_between_two_shapes_of_the_grid_is_named_once(
     assert [(f.effect, f.place.joint) for f in found.findings] == [("presliding", 0)]
 
 
-def test_friction_that_turns_over_within_less_than_is_seen_is_coulomb_friction_alone(
+def test_friction_that_turns_over_within_a_part_of_a_milliradian_is_coulomb_friction_alone(
     record: Callable[[Friction], tuple[RigidBody, list[Trajectory]]],
 ) -> None:
     found = diagnose(*record(lambda q, dq: np.array([1.0, 0.0]) * 3.0 * bristles(q, 3e-4)))
     (dry,) = found.findings
     assert (dry.effect, dry.place.joint) == ("coulomb_friction", 0), dry.alternatives
     assert abs(float(dry.parameters["level"].value) - 3.0) < 0.06
-    assert "presliding" not in {rival.effect for rival in dry.rivals if rival.place == dry.place}
-
-
-def test_a_shape_that_is_not_seen_is_no_alternative(gathered: Callable[[Friction], Evidence]) -> None:
-    scores = scores_of(gathered(lambda q, dq: np.array([1.0, 0.0]) * np.tanh(dq / 0.05)))
-    (cause,) = Search(scores).judged(best_of(scores, ("coulomb_friction",)))
-    rivals_of_it = [rival.candidate for rival in cause.alternatives]
-    assert rivals_of_it
-    assert all(scores.hypothesis(k).effect.seen(scores.design.candidates[k].theta) for k in rivals_of_it)
 
 
 def test_what_the_dry_part_of_a_wider_law_explains_speaks_for_no_asymmetry(
@@ -147,7 +137,7 @@ def test_what_the_dry_part_of_a_wider_law_explains_speaks_for_no_asymmetry(
         (8e-3, 2.0, ["coulomb_friction", "presliding"]),
     ],
 )
-def test_what_turns_over_within_less_than_is_seen_is_told_as_coulomb_friction(
+def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
     gathered: Callable[[Friction], Evidence], give: float, sharp: float, names: list[str]
 ) -> None:
     """With the alternatives of what stands for it, and whatever else it is put beside."""
@@ -155,7 +145,7 @@ def test_what_turns_over_within_less_than_is_seen_is_told_as_coulomb_friction(
     scores = scores_of(evidence)
     stood = Search(scores).judged(best_of(scores, ("presliding", "coulomb_friction") if sharp else ("presliding",)))
     refined = fitted(evidence, scores, [cause.candidate for cause in stood])
-    told, named = as_seen(evidence, scores, stood, refined)
+    told, named = without_menders(evidence, scores, stood, refined)
     assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
     assert len(named.design.candidates) == len(told)
     if names == ["coulomb_friction"]:
@@ -179,24 +169,6 @@ def test_what_is_left_within_the_noise_s_own_error_makes_nothing_a_trifle(
     nothing = np.zeros(len(evidence.design.channels))
     told = [Admission(scores).told(dry, [dry], nothing) for scores in (known, unsure)]
     assert told[1] > 2.0 * told[0]
-
-
-def test_what_is_not_seen_falls_however_much_it_mends(
-    gathered: Callable[[Friction], Evidence], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evidence = gathered(lambda q, dq: np.array([1.0, 0.0]) * (3.0 * bristles(q, 2e-4) + 2.0 * np.sign(dq)))
-    scores = scores_of(evidence)
-    stood = Search(scores).judged(best_of(scores, ("presliding", "coulomb_friction")))
-    monkeypatch.setattr(plainer, "_mends", lambda *_: False)
-    refined = fitted(evidence, scores, [cause.candidate for cause in stood])
-    for give, names in ((4e-4, ["coulomb_friction"]), (6e-4, ["coulomb_friction", "presliding"])):
-        shaped = tuple(
-            replace(own, theta=np.array([give])) if scores.hypothesis(cause.candidate).effect.seen_from else own
-            for own, cause in zip(refined.design.candidates, stood, strict=True)
-        )
-        bent = replace(refined, design=replace(refined.design, candidates=shaped))
-        told, _ = as_seen(evidence, scores, stood, bent)
-        assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
 
 
 @pytest.mark.parametrize(("slope", "flagged"), [(0.05, False), (1.0, True)])
