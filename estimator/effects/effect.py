@@ -83,9 +83,9 @@ class Law(ABC):
     like one is seen not to be. Empty: what the grid holds."""
     beyond_known: ClassVar[str] = ""
     """What has a larger one, as a signature of what has no name."""
-    mends: ClassVar[bool] = False
-    """Whether it differs from what it contains in form alone: where it explains hardly more than that, it stands for a
-    form that the plainer law has not, and is told as that law."""
+    mends_below: ClassVar[float] = 0.0
+    """With a first theta below, it differs from what it contains in form alone: where it explains little more than
+    that, it stands for a form that the plainer law has not, and is told as that law. Zero: never."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     least_part: ClassVar[float] = 0.0

@@ -29,7 +29,7 @@ class Presliding(JointEffect):
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
     known_up_to = (_LONGEST,)
-    mends = True
+    mends_below = 5e-4
     beyond_known = "a function of travel since reversals, as of a hose or a cable that gives"
     confused_with = ("backlash", "transport_delay", "stribeck_friction", "coulomb_friction")
     contains = ("coulomb_friction",)

@@ -38,13 +38,14 @@ def bristles(q: Array, give: float) -> Array:
 @pytest.fixture(scope="module")
 def record(
     make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
-) -> Callable[[Friction], tuple[RigidBody, list[Trajectory]]]:
+) -> Callable[..., tuple[RigidBody, list[Trajectory]]]:
     """Two joints with some friction, each of three motions played twice."""
 
-    def make(friction: Friction) -> tuple[RigidBody, list[Trajectory]]:
+    def make(friction: Friction, size: float = 1.0) -> tuple[RigidBody, list[Trajectory]]:
         body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
         for motion in range(3):
             t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+            q, dq, ddq = size * q, size * dq, size * ddq
             tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + friction(q, dq)
             for _ in range(2):
                 measured = q + 1e-7 * random.normal(size=q.shape)
@@ -110,6 +111,15 @@ def test_friction_that_turns_over_within_a_part_of_a_milliradian_is_coulomb_fric
     (dry,) = found.findings
     assert (dry.effect, dry.place.joint) == ("coulomb_friction", 0), dry.alternatives
     assert abs(float(dry.parameters["level"].value) - 3.0) < 0.06
+
+
+def test_bristles_that_a_small_motion_shows_are_presliding(
+    record: Callable[..., tuple[RigidBody, list[Trajectory]]],
+) -> None:
+    """The same bristles, in a motion of milliradians."""
+    (dry,) = diagnose(*record(lambda q, dq: np.array([3.0, 0.0]) * bristles(q, 3e-4), size=2e-3)).findings
+    assert (dry.effect, dry.place.joint) == ("presliding", 0)
+    assert abs(float(dry.parameters["stiffness"].value) - 3.0 / 3e-4) < 1500.0
 
 
 def test_what_the_dry_part_of_a_wider_law_explains_speaks_for_no_asymmetry(
