@@ -79,12 +79,15 @@ def test_a_joint_that_stands_is_told_of_its_torque_and_of_no_motion(found: Calla
     assert ("coulomb_friction", 0) in told
     (other,) = told - {("coulomb_friction", 0)}
     assert other == ("torque_offset", 1)
-    sizes = answer.smallest_detectable
-    assert all(1 not in sizes.get(effect, {}) or not np.isfinite(sizes[effect][1]) for effect in ("viscous_friction",))
+    assert set(answer.smallest_detectable["viscous_friction"]) == {0, 2}
 
 
-def test_an_arm_of_which_nothing_moves_is_no_failure(found: Callable[..., Diagnosis]) -> None:
-    assert found((0, 1, 2)).verdict in ("clean", "named", "ambiguous", "unknown")
+def test_of_an_arm_of_which_nothing_moves_an_offset_is_told_and_no_friction(found: Callable[..., Diagnosis]) -> None:
+    answer = found((0, 1, 2))
+    assert [(f.effect, f.place.joint) for f in answer.findings] == [("torque_offset", 1)]
+    assert not answer.unexplained
+    assert "viscous_friction" not in answer.smallest_detectable
+    assert set(answer.smallest_detectable["torque_offset"]) == {0, 2}
 
 
 def test_links_behind_a_joint_that_stands_are_told_as_untold(
