@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
-from estimator.diagnosis.bounded import bounded_fits
+from estimator.diagnosis.bounded import bounded_gains
 from estimator.diagnosis.conditional import Conditional, Group
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def resample(model: Conditional, groups: list[Group], noise: Array, seed: int = 
     for group in groups:
         matrix, energy = model.remaining(group)
         lower, upper = group.lower, group.upper
-        _, own = bounded_fits(matrix, score[group.columns], energy, lower, upper)
+        own = bounded_gains(matrix, score[group.columns], energy, lower, upper)
         for row, candidate in zip(own, group.candidates, strict=True):
             hypothesis = design.candidates[candidate].hypothesis
             np.maximum(gains[hypothesis], row, out=gains[hypothesis])

@@ -79,7 +79,7 @@ class Contest:
 
     def support(self, block: Block) -> Array:
         """(rivals,) nats by which each rival explains a block, less what its freedom costs."""
-        gains, _ = Conditional(self.design, block, self.weights, self.active).gains(self._groups())
+        gains = Conditional(self.design, block, self.weights, self.active).gains(self._groups())
         cost = 0.5 * float(np.log(block.rows))
         return np.array([float(np.max(gains[rival.candidates] - cost * rival.freedom)) for rival in self.rivals])
 
@@ -115,7 +115,7 @@ class Contest:
 
     def _best(self, rival: Rival) -> Candidate:
         """A rival's candidate that explains most of the data so far."""
-        gains, _ = Conditional(self.design, self.known, self.weights, self.active).gains(self._groups())
+        gains = Conditional(self.design, self.known, self.weights, self.active).gains(self._groups())
         best: Candidate = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
         return best
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
+from scipy.ndimage import correlate1d
 
 Array = NDArray[np.float64]
 
@@ -56,8 +56,9 @@ class Noise:
 
     def whiten(self, channel: int, rows: Array) -> Array:
         """(columns, rows − past) of (columns, rows): the first few serve as the filter's past."""
-        taps = self.filters[channel, : self.past + 1]
-        return np.asarray(sliding_window_view(rows, self.past + 1, axis=-1) @ taps[::-1])
+        taps = self.filters[channel, self.past :: -1]
+        centre = len(taps) // 2
+        return np.asarray(correlate1d(rows, taps, axis=-1)[..., centre : centre + max(rows.shape[-1] - self.past, 0)])
 
 
 def autoregressive(autocovariance: Array, rows: float, most: int = ORDER) -> Array:

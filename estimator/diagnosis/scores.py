@@ -162,7 +162,7 @@ class Scores:
         """(candidates,) log-likelihood that each candidate would add."""
         key = frozenset(chosen)
         if key not in self._gains:
-            self._gains[key] = self.model(chosen).gains(self.groups)[0]
+            self._gains[key] = self.model(chosen).gains(self.groups)
         return self._gains[key]
 
     def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
@@ -176,7 +176,7 @@ class Scores:
             own = int(self.owner[k])
             if own not in best and not any(own == self.owner[c] and self.alike(k, c, _SAME_ORDER) for c in chosen):
                 best[own] = k
-        rows = [(k, float(gains[k]), float(gains[k]) - self.penalty([k])) for k in best.values()]
+        rows = [(k, float(gains[k]), float(gains[k] - self._penalties[k])) for k in best.values()]
         return sorted(rows, key=lambda row: -row[2])
 
     def held_out(self, candidate: int, others: Sequence[int]) -> float:

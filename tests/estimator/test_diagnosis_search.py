@@ -77,7 +77,7 @@ def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> Non
     assert chosen
     scores.reweigh(chosen)
     weighted = scores.gains([])
-    np.testing.assert_allclose(weighted, scores.model([]).gains(scores.groups)[0])
+    np.testing.assert_allclose(weighted, scores.model([]).gains(scores.groups))
     scores.weights = np.ones_like(scores.weights)
     scores.reweigh([])
     assert np.all(scores.weights < 0.9)
