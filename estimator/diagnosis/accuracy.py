@@ -124,11 +124,12 @@ def _tightened(
     return best, best_share
 
 
-def other_errors(evidence: Evidence) -> Exchange | None:
-    """Torques beside angles with other errors than theirs."""
-    if evidence.noise.playings:
-        return exchange(evidence.pieces, evidence.repeats, evidence.grid, evidence.noise)
-    return with_slow_motion(evidence.slow, evidence.decimations, evidence.noise)
+def other_errors(evidence: Evidence) -> tuple[Exchange, ...]:
+    """Torques beside angles with other errors than theirs, by each way that there is."""
+    slow = with_slow_motion(evidence.slow, evidence.grid, evidence.noise)
+    if not evidence.noise.playings:
+        return (slow,)
+    return exchange(evidence.pieces, evidence.repeats, evidence.grid, evidence.noise), slow
 
 
 def _margin(tried: Searched, best: Searched, share: float) -> float:

@@ -237,3 +237,11 @@ def candidate_columns(design: Design, candidate: Candidate, signals: Signals) ->
     if columns.shape[1] == len(candidate.channels):
         return columns
     return np.concatenate([columns, effect.speed_columns(place, signals, candidate.theta)], axis=1)
+
+
+def candidate_rows(
+    design: Design, candidate: Candidate, stretch: Stretch, decimation: int, noise: Noise
+) -> list[Array]:
+    """For each channel that a candidate enters (c, rows): its whitened columns."""
+    decimate, columns = Decimator(decimation), candidate_columns(design, candidate, stretch.signals)
+    return [noise.whiten(channel, decimate(columns[:, row].T)) for row, channel in enumerate(candidate.channels)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,8 @@ class Evidence:
     """With which fold each block is left out."""
     parts: int
     """Blocks of each recording, at least."""
-    slow: tuple[Stretch, ...]
-    """Where no motion was played twice: the pieces with the slow part of their motion alone."""
+    slow: Callable[[], Sequence[Stretch]]
+    """The pieces with the slow part of their motion alone; made when they are first asked for."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
 
@@ -121,7 +121,7 @@ def weighed(
         tuple(blocks),
         tuple(folds),
         parts,
-        () if noise.playings else tuple(slow()),
+        cache(slow),
     )
 
 

@@ -2,59 +2,78 @@
 
 A servo answers to the errors of its angles, so that a filter of the angles, such as a lag, explains the noise of the
 torques, in rows left out too. The errors of another playing's angles are others, as an instrument's are
-(Söderström and Stoica 1983). Where nothing was played twice, the motion is taken from lower frequencies alone: there it
-stands far above the errors, which lie at all frequencies.
+(Söderström and Stoica 1983), but not all: a motion that is repeated to less than a count is rounded alike each time.
+At lower frequencies the motion stands far above all errors, which lie at all frequencies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from estimator.diagnosis.design import Design
-from estimator.diagnosis.grams import Block, sum_up, total
+from estimator.diagnosis.design import Design, candidate_rows, stretch_rows
+from estimator.diagnosis.grams import Block
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Grid, Stretch
 from estimator.repeats import Occurrence, RepeatGroup
+
+Array = NDArray[np.float64]
 
 _LEAST_ROWS = 40
 """Of a playing, below which they tell nothing."""
 
 
-@dataclass(frozen=True)
 class Exchange:
-    """Stretches whose residuals have other errors than their motion."""
+    """Stretches whose residuals have other errors than their motion; cut, and their columns made, when they are first
+    asked of."""
 
-    pieces: tuple[Stretch, ...]
-    decimations: tuple[int, ...]
-    noise: Noise
-    untold: float
-    """The share of what a law explains that counts as there, where next to nothing of its columns is."""
+    def __init__(self, make: Callable[[], Sequence[Stretch]], grid: Grid, noise: Noise, untold: float) -> None:
+        """``make`` the stretches; ``untold`` the share of what a law explains that counts as there, where next to
+        nothing of its columns is."""
+        self.untold = untold
+        self._make, self._grid, self._noise = make, grid, noise
+        self._made: dict[tuple[float, ...], list[Array]] = {}
+
+    @cached_property
+    def pieces(self) -> tuple[Stretch, ...]:
+        """Those that are long enough to tell anything."""
+        return tuple(piece for piece in self._make() if piece.signals.samples // self._step(piece) >= _LEAST_ROWS)
 
     def among(self, design: Design) -> Block:
         """The products of a design's columns with each other, and with residuals that have other errors."""
-        return total(sum_up(design, self.pieces, self.decimations, self.noise))
+        given = self._rows((), lambda *how: stretch_rows(design.with_candidates([]), *how))
+        parts = [[rows[:-1]] for rows in given]
+        for candidate in design.candidates:
+            own = self._rows((candidate.hypothesis, *candidate.theta), partial(candidate_rows, design, candidate))
+            for channel, rows in zip(candidate.channels, own, strict=True):
+                parts[channel].append(rows)
+        whole = [np.concatenate([*own, rows[-1:]]) for own, rows in zip(parts, given, strict=True)]
+        return Block(0, whole[0].shape[1], [x @ x.T for x in whole])
+
+    def _rows(self, key: tuple[float, ...], make: Callable[[Stretch, int, Noise], list[Array]]) -> list[Array]:
+        """For each channel of what ``make`` makes of a stretch (columns, rows), those of all stretches; once."""
+        if key not in self._made:
+            made = [make(piece, self._step(piece), self._noise) for piece in self.pieces]
+            self._made[key] = [np.concatenate(channel, axis=1) for channel in zip(*made, strict=True)]
+        return self._made[key]
+
+    def _step(self, piece: Stretch) -> int:
+        return self._grid.decimation(piece.signals.period)
 
 
-def exchange(pieces: Sequence[Stretch], groups: Sequence[RepeatGroup], grid: Grid, noise: Noise) -> Exchange | None:
-    """Each playing with the residual of the next of its motion; None where no motion recurs."""
-    mixed = [
-        (piece, step)
-        for piece in _mixed(pieces, groups)
-        if piece.signals.samples // (step := grid.decimation(piece.signals.period)) >= _LEAST_ROWS
-    ]
-    if not mixed:
-        return None
-    return Exchange(tuple(piece for piece, _ in mixed), tuple(step for _, step in mixed), noise, untold=1.0)
+def exchange(pieces: Sequence[Stretch], groups: Sequence[RepeatGroup], grid: Grid, noise: Noise) -> Exchange:
+    """Each playing with the residual of the next of its motion."""
+    return Exchange(lambda: list(_mixed(pieces, groups)), grid, noise, untold=1.0)
 
 
-def with_slow_motion(slow: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> Exchange:
+def with_slow_motion(slow: Callable[[], Sequence[Stretch]], grid: Grid, noise: Noise) -> Exchange:
     """Each stretch with the slow part of its motion alone (`Evidence.slow`): what a law explains by more than that, it
     explains by errors."""
-    return Exchange(tuple(slow), tuple(decimations), noise, untold=0.0)
+    return Exchange(slow, grid, noise, untold=0.0)
 
 
 def _mixed(pieces: Sequence[Stretch], groups: Sequence[RepeatGroup]) -> Iterator[Stretch]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 
 import numpy as np
@@ -39,13 +39,13 @@ class Scores:
         blocks: Sequence[Block | Sheet],
         folds: Sequence[int],
         news: Array | None = None,
-        exchange: Exchange | None = None,
+        exchanges: Sequence[Exchange] = (),
         freedom: float = np.inf,
     ) -> None:
         """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
-        independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchange`` what the
-        playings of repeated motions tell of each other; ``freedom`` the degrees of freedom behind the noise's
-        variances, none where it is assumed for want of playings."""
+        independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchanges`` the torques
+        beside angles that have other errors; ``freedom`` the degrees of freedom behind the noise's variances, none
+        where it is assumed for want of playings."""
         self.design, self.assumed = design, freedom == 0.0
         self.total = total(blocks)
         self.noise_error = float(np.sqrt(2.0 / self.total.rows + 2.0 / (freedom or np.inf)))
@@ -55,8 +55,8 @@ class Scores:
         self.is_map = np.array([isinstance(hypothesis.effect, Map) for hypothesis in design.hypotheses])
         self._news = np.ones(len(design.channels)) if news is None else news
         self.weights = self._news.copy()
-        self._blocks, self._folds, self._exchange = blocks, folds, exchange
-        self._exchanged: dict[tuple[int, ...], Block] = {}
+        self._blocks, self._folds, self._exchanges = blocks, folds, exchanges
+        self._exchanged: dict[tuple[int, ...], list[Block]] = {}
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
         self._forget()
@@ -211,13 +211,16 @@ class Scores:
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:
         """How much of what a candidate explains beside others is there still when torques are put beside angles that
-        have other errors (`exchange`): one is all of it. One too where motions that recur do not tell."""
+        have other errors (`exchange`), by the way that leaves least: one is all of it. One too where none tells."""
         key = (candidate, frozenset(others))
-        if self._exchange is not None and key not in self._recurring:
-            self._recurring[key] = self._share_exchanged(self._exchange, candidate, others)
-        return self._recurring.get(key, 1.0)
+        if key not in self._recurring:
+            self._recurring[key] = min(self._shares_exchanged(candidate, others), default=1.0)
+        return self._recurring[key]
 
-    def _share_exchanged(self, exchange: Exchange, candidate: int, others: Sequence[int]) -> float:
+    def _shares_exchanged(self, candidate: int, others: Sequence[int]) -> Iterator[float]:
+        exchanges = [exchange for exchange in self._exchanges if exchange.pieces]
+        if not exchanges:
+            return
         matrix, score, energy = self.model(others).left_of(self.design.candidates[candidate].columns)
         # A map has columns where no motion comes: these stay zero.
         scale = 1.0 / np.sqrt(np.where(energy > 0.0, energy, 1.0))
@@ -226,15 +229,14 @@ class Scores:
         chosen = sorted({*others, candidate})
         part = self.design.with_candidates([self.design.candidates[k] for k in chosen])
         if tuple(chosen) not in self._exchanged:
-            self._exchanged[tuple(chosen)] = exchange.among(part)
+            self._exchanged[tuple(chosen)] = [exchange.among(part) for exchange in exchanges]
         columns = part.candidates[chosen.index(candidate)].columns
         rest = np.setdiff1d(np.arange(part.size), columns)
-        mixed = Conditional(part, self._exchanged[tuple(chosen)], self.weights, rest)
-        there, told, _ = mixed.left_of(columns)
-        whole = float(value @ there @ value)
-        if whole <= _LEAST_EXCHANGED * float(value @ matrix @ value):
-            return exchange.untold
-        return float(value @ told) / whole
+        for exchange, block in zip(exchanges, self._exchanged[tuple(chosen)], strict=True):
+            there, told, _ = Conditional(part, block, self.weights, rest).left_of(columns)
+            whole = float(value @ there @ value)
+            least = _LEAST_EXCHANGED * float(value @ matrix @ value)
+            yield float(value @ told) / whole if whole > least else exchange.untold
 
     def hypothesis(self, candidate: int) -> Hypothesis:
         """What a candidate is a form of."""
