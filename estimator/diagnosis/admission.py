@@ -39,15 +39,22 @@ class Admission:
         self.design = scores.design
 
     def admitted(self, candidate: int, chosen: list[int]) -> bool:
-        """Whether a cause may join those already chosen: beyond chance, no trifle, told apart, borne out by rows left
-        out and by other playings. The dearest questions last: a fit to each fold, and columns made anew."""
+        """Whether a cause may join those already chosen. The dearest questions last: a fit to each fold, and columns
+        made anew."""
+        return self.borne_out(candidate, chosen) and self.recurs(candidate, chosen)
+
+    def borne_out(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a cause is beyond chance, no trifle, told apart, and borne out by rows left out."""
         gain = float(self.scores.gains(chosen)[candidate])
         return (
             self._sound(candidate, gain, chosen)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
             and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
-            and self.scores.recurring(candidate, chosen) > RECURRING
         )
+
+    def recurs(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether what a cause explains is there with angles that have other errors."""
+        return self.scores.recurring(candidate, chosen) > RECURRING
 
     def _sound(self, candidate: int, gain: float, chosen: list[int]) -> bool:
         return self._no_chance(candidate, gain) and self._matters(candidate, chosen) and self._apart(candidate, chosen)
@@ -64,7 +71,7 @@ class Admission:
                 and self._sound(candidate, gain, chosen)
                 and float(self.scores.explained([candidate], chosen).max()) > LEAST_SEEN
                 and self.scores.held_out(candidate, chosen) <= BORNE_OUT
-                and self.scores.recurring(candidate, chosen) > RECURRING
+                and self.recurs(candidate, chosen)
             ):
                 return candidate
         return None

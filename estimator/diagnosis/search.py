@@ -15,7 +15,7 @@ from estimator.effects import Law
 
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
-"""Hypotheses that a step tries before it gives up."""
+"""Hypotheses that a step tries before it gives up, beside those that explain errors alone."""
 _TURNS = 3
 """Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
 
@@ -103,10 +103,14 @@ class Search:
     def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
         """What the model may become by one more cause, the best supported first; nothing when none is supported."""
         ranked = [row for row in self.scores.ranked(chosen) if int(self.scores.owner[row[0]]) not in self._fallen]
-        for candidate, _, supported in ranked[:_TRIED]:
-            if supported <= 0.0:
+        tries = _TRIED
+        for candidate, _, supported in ranked:
+            if tries == 0 or supported <= 0.0:
                 return
-            if self.admission.admitted(candidate, chosen):
+            if not self.admission.borne_out(candidate, chosen):
+                tries -= 1
+            elif self.admission.recurs(candidate, chosen):
+                tries -= 1
                 grown = [*chosen, candidate]
                 yield self.pruned(self._merged(self._simplified(grown), self._joint(candidate)))
 

@@ -106,6 +106,15 @@ def test_what_one_part_alone_shows_is_not_named_and_not_passed_over(
     assert search.admission.one_sided([]) is None
 
 
+def test_laws_that_explain_errors_alone_use_up_no_tries(scores: Scores, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many stand before the first one that recurs."""
+    supported = [candidate for candidate, _, nats in scores.ranked([]) if nats > 0.0]
+    assert len(supported) > 4
+    monkeypatch.setattr(Admission, "borne_out", lambda *_: True)
+    monkeypatch.setattr(Scores, "recurring", lambda _, candidate, chosen: float(candidate == supported[-1]))
+    assert len(list(Search(scores)._steps([]))) == 1
+
+
 def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:
     """Presliding beside friction of either sign: each is a trifle beside the other, both together are not."""
     best = {
