@@ -13,7 +13,7 @@ not, and the difference looks like friction or elasticity. Two stages:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -272,6 +272,10 @@ _FLOOR_BINS = 64
 """At least, in which a floor is looked for."""
 _SHAKING = 0.02
 """Of the velocities' energy."""
+_NO_MOTION = 50.0
+"""Hz, above which no arm is moved on purpose: what a servo that creeps or stands trembles with."""
+_SLIGHT = 5e-4
+"""Of the mean square speed of the fastest joint of the fastest recording: one that moves less tells no band."""
 
 
 def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> float:
@@ -279,27 +283,33 @@ def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> flo
 
     From measured velocities where there are some; otherwise from the angles' spectra. Above it only what stands out of
     the noise counts, whatever its colour. Beyond two octaves without motion, what is less than `_SHAKING` of the
-    energy is none either: a servo that trembles.
+    energy is none either: a servo that trembles. Joints that stand or creep beside others that move, in the same
+    recording or another, do not count.
     """
-    widest = 0.0
-    for trajectory in trajectories:
-        piece = next(trajectory.segments(longest=100_000, overlap=0), None)
-        if piece is None:
-            continue
-        measured = trajectory.q if trajectory.dq is None else trajectory.dq
-        channel = np.ascontiguousarray(resample(trajectory.t[piece], measured[piece], trajectory.rate).T)
-        if trajectory.dq is None:
-            channel = np.asarray(detrend(channel, axis=1))
-        frequency = np.fft.rfftfreq(channel.shape[1], 1.0 / trajectory.rate)
-        power = np.abs(rfft(channel * hann(channel.shape[1], sym=False), axis=1)) ** 2
-        energy = np.where(power > _ABOVE_FLOOR * _floor(power), power, 0.0)
-        if trajectory.dq is None:
-            energy *= frequency**2
-        whole = energy.sum(axis=1)
-        # A joint with less than 1e-4 of the energy is at rest: its spectrum is chance.
-        for own in energy[whole > 1e-4 * whole.max()]:
-            widest = max(widest, float(frequency[_reach(own, share)]))
-    return widest
+    spectra = [spectrum for trajectory in trajectories for spectrum in _velocity_spectra(trajectory)]
+    most = max((float(energy.sum()) for _, energy in spectra), default=0.0)
+    telling = (own for own in spectra if own[1].sum() > _SLIGHT * most)
+    return max((float(frequency[_reach(energy, share)]) for frequency, energy in telling), default=0.0)
+
+
+def _velocity_spectra(trajectory: Trajectory) -> Iterator[tuple[Array, Array]]:
+    """For each joint, frequencies (bins,) Hz and what of its mean square velocity stands out of noise there."""
+    piece = next(trajectory.segments(longest=100_000, overlap=0), None)
+    if piece is None:
+        return
+    measured = trajectory.q if trajectory.dq is None else trajectory.dq
+    channel = np.ascontiguousarray(resample(trajectory.t[piece], measured[piece], trajectory.rate).T)
+    if trajectory.dq is None:
+        channel = np.asarray(detrend(channel, axis=1))
+    samples = channel.shape[1]
+    frequency = np.asarray(np.fft.rfftfreq(samples, 1.0 / trajectory.rate), dtype=np.float64)
+    power = np.abs(rfft(channel * (window := hann(samples, sym=False)), axis=1)) ** 2
+    energy = np.where(power > _ABOVE_FLOOR * _floor(power), power, 0.0) / (samples * float(window @ window))
+    if trajectory.dq is None:
+        energy *= (2.0 * np.pi * frequency) ** 2
+    slow = frequency <= _NO_MOTION
+    for own in energy:
+        yield frequency[slow], own[slow]
 
 
 def _floor(power: Array) -> Array:
