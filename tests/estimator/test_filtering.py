@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from estimator import Trajectory
 from estimator.convolution import convolve
 from estimator.filtering import Decimator, motion_band, plan_filter, resample, root_raised_cosine
+
+Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("decimation", [2, 5, 24, 50])
@@ -115,3 +118,29 @@ def test_band_of_a_motion_is_that_of_what_was_meant(disturbance: str, band: floa
         "a hundredth of the energy an octave above": 0.25 * np.sin(2 * np.pi * 3.0 * t) / (2 * np.pi * 3.0),
     }[disturbance]
     assert motion_band([Trajectory(t, q[:, None], q[:, None])]) == pytest.approx(band, rel=0.1)
+
+
+def creeping(t: Array, line_hz: float) -> Trajectory:
+    """A slow sweep, to and fro, while the servo trembles as fast as the joint moves."""
+    slow, fast = (0.02 * np.sin(2 * np.pi * hz * t) / (2 * np.pi * hz) for hz in (0.2, line_hz))
+    q = slow + fast
+    return Trajectory(t, q[:, None], q[:, None])
+
+
+def moving(t: Array, speed: float) -> Trajectory:
+    q = speed * np.sin(2 * np.pi * 1.5 * t) / (2 * np.pi * 1.5)
+    return Trajectory(t, q[:, None], q[:, None])
+
+
+def test_what_lies_above_any_motion_is_none() -> None:
+    t = np.arange(20_000) / 1000.0
+    assert motion_band([creeping(t, 175.0)]) == pytest.approx(0.2, abs=0.06)
+    assert motion_band([creeping(t, 40.0)]) == pytest.approx(40.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("speed", "band"), [(2.0, 1.5), (0.2, 15.0)])
+def test_a_recording_that_creeps_beside_others_that_move_does_not_widen_the_band(speed: float, band: float) -> None:
+    t = np.arange(20_000) / 1000.0
+    assert motion_band([creeping(t, 15.0), moving(t, speed)]) == pytest.approx(band, abs=0.1)
+    joints = np.hstack([creeping(t, 15.0).q, moving(t, speed).q])
+    assert motion_band([Trajectory(t, joints, joints)]) == pytest.approx(band, abs=0.1)
