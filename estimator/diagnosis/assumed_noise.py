@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.noise import ASSUMED_ORDER, ORDER, WIDENED, Noise, autoregressive
+from estimator.diagnosis.noise import ASSUMED_ORDER, ORDER, WIDENED, Noise, autoregressive, in_bands, with_density
 
 Array = NDArray[np.float64]
 
@@ -69,16 +69,12 @@ def _autocovariance(parts: Sequence[Array]) -> Array:
     for part in parts:
         # The constant tells nothing: it is the mean of few rows.
         spectra = np.abs(np.fft.rfft(part, axis=1)[:, 1:]) ** 2 / part.shape[1]
-        count = spectra.shape[1]
-        band = np.minimum(np.arange(count) * _BANDS // max(count, 1), _BANDS - 1)
-        np.add.at(power, band, spectra[-1])
-        np.add.at(left, band, 1.0 - spectra[:-1].sum(axis=0))
-        np.add.at(whole, band, 1.0)
+        power += in_bands(spectra[-1], _BANDS)
+        left += in_bands(1.0 - spectra[:-1].sum(axis=0), _BANDS)
+        whole += in_bands(np.ones(spectra.shape[1]), _BANDS)
     told = np.flatnonzero(left > _LEAST_LEFT * np.maximum(whole, 1.0))
     density = np.zeros(_BANDS)
     if len(told):
         nearest = told[np.abs(np.arange(_BANDS)[:, None] - told).argmin(axis=1)]
         density = power[nearest] / left[nearest]
-    edges, lags = np.pi * np.arange(_BANDS + 1) / _BANDS, np.arange(1, ORDER + 1)[:, None]
-    waves = np.diff(np.sin(edges * lags) / lags, axis=1)
-    return np.append(density.mean(), waves @ density / np.pi)
+    return with_density(density)

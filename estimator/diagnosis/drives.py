@@ -18,7 +18,7 @@ from estimator.convolution import convolve
 from estimator.diagnosis.answer import MOTOR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
 from estimator.diagnosis.design import Design, Hypothesis, linkless_design
-from estimator.diagnosis.evidence import EXACT, Evidence, weighed
+from estimator.diagnosis.evidence import Evidence, weighed
 from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.maps import MAPS
 from estimator.diagnosis.noise import ORDER
@@ -30,7 +30,6 @@ from estimator.diagnosis.stretches import (
     calm_motion,
     gapless,
     make_grid,
-    mean_power,
     told_by,
 )
 from estimator.diagnosis.tolerance import timing_precision
@@ -78,7 +77,6 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
     design = _design(body, grid, pieces, min(motor.rate for motor in motors))
     repeats = find_repeats(motors)
     unseen = np.zeros((len(told), ORDER + 1))
-    unseen[:, 0] = EXACT**2 * mean_power(pieces)
     slow = partial(_cut, body, grid.slower(), motors, sensors)
     return weighed(design, grid, pieces, slow, unseen, motors, repeats)
 

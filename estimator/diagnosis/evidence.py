@@ -98,14 +98,18 @@ def weighed(
     repeats: Sequence[RepeatGroup],
 ) -> Evidence:
     """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
-    (channels, ORDER + 1) is added to either. ``slow`` makes the pieces of `Evidence.slow`.
+    (channels, ORDER + 1), the autocovariance of errors that recur, is added to either. ``slow`` makes the pieces of
+    `Evidence.slow`.
     """
+    exact = np.zeros_like(unseen)
+    exact[:, 0] = EXACT**2 * mean_power(pieces) + _LEAST**2
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
-    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen)
+    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen, exact)
     if noise is None:
         plain = Noise.none(len(grid.channels))
         noise = assumed_noise(
-            [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)], unseen
+            [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
+            unseen + exact,
         )
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
@@ -117,7 +121,7 @@ def weighed(
         tuple(decimations),
         tuple(repeats),
         noise,
-        unseen,
+        unseen + exact,
         tuple(blocks),
         tuple(folds),
         parts,
@@ -145,11 +149,9 @@ def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Seque
 
 def _unseen(grid: Grid, pieces: Sequence[Stretch], share: Array) -> Array:
     """(channels, ORDER + 1) autocovariance of the rows' errors that repeats do not show: rounding of the angles that
-    recurs, and what nothing is computed more exactly than."""
+    recurs."""
     rounded = [Decimator(grid.decimation(piece.signals.period))(piece.rounding.T).T for piece in pieces]
-    covariance = autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None]
-    covariance[:, 0] += EXACT**2 * mean_power(pieces) + _LEAST**2
-    return np.asarray(covariance)
+    return np.asarray(autocovariance(rounded) * np.array([share[channel.index] for channel in grid.channels])[:, None])
 
 
 def cut(body: RigidBody, grid: Grid, trajectories: Sequence[Trajectory]) -> list[Stretch]:

@@ -18,7 +18,7 @@ from estimator.convolution import convolve
 from estimator.diagnosis.answer import GEAR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
 from estimator.diagnosis.design import Design, Hypothesis, linkless_design
-from estimator.diagnosis.evidence import EXACT, Evidence, weighed
+from estimator.diagnosis.evidence import Evidence, weighed
 from estimator.diagnosis.gear_laws import gear_laws
 from estimator.diagnosis.grains import repeated_white
 from estimator.diagnosis.judging import Judged, judge
@@ -31,7 +31,6 @@ from estimator.diagnosis.stretches import (
     calm_motion,
     gapless,
     make_grid,
-    mean_power,
     told_by,
 )
 from estimator.diagnosis.tolerance import timing_precision
@@ -116,7 +115,7 @@ def _gathered(
     apart = [np.nan_to_num(angles - t.q) for t, angles in zip(trajectories, motor_angles, strict=True)]
     counted = repeated_white(trajectories, repeats, apart, grid.band)[list(told)] * 2.0 * grid.band / rate
     unseen = np.zeros((len(told), ORDER + 1))
-    unseen[:, 0] = EXACT**2 * mean_power(pieces) + counted
+    unseen[:, 0] = counted
     slow = partial(_cut, body, grid.slower(), trajectories, motor_angles)
     return weighed(_design(body, told, grid, pieces, rate), grid, pieces, slow, unseen, trajectories, repeats)
 

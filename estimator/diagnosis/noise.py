@@ -96,6 +96,30 @@ def autocovariance(pieces: Sequence[Array]) -> Array:
     return result / max(rows, 1)
 
 
+def in_bands(spectra: Array, bands: int) -> Array:
+    """(…, bands) sums over bins of equal shares of all frequencies; ``spectra`` (…, bins) without the constant."""
+    bins = spectra.shape[-1]
+    band = np.minimum(np.arange(bins) * bands // max(bins, 1), bands - 1)
+    return np.asarray(spectra @ (band[:, None] == np.arange(bands)).astype(np.float64))
+
+
+def with_density(density: Array) -> Array:
+    """(…, ORDER + 1) autocovariance of rows with a spectral density (…, bands) that is even within bands of equal
+    width, up to the highest frequency of the rows."""
+    bands = density.shape[-1]
+    edges, lags = np.pi * np.arange(bands + 1) / bands, np.arange(1, ORDER + 1)[:, None]
+    waves = np.diff(np.sin(edges * lags) / lags, axis=1) / np.pi
+    return np.asarray(density @ np.vstack([np.full(bands, 1.0 / bands), waves]).T)
+
+
+def density_of(covariance: Array, bands: int) -> Array:
+    """(…, bands) spectral density of rows with this autocovariance (…, ORDER + 1), which a triangle tapers so that none
+    is negative."""
+    lags = np.arange(1, ORDER + 1)
+    waves = np.cos(np.outer(lags, np.pi * (np.arange(bands) + 0.5) / bands)) * (1.0 - lags / (ORDER + 1.0))[:, None]
+    return np.asarray(covariance[..., :1] + 2.0 * covariance[..., 1:] @ waves)
+
+
 def runs(values: Array) -> Iterator[slice]:
     """Stretches of rows without NaN."""
     good = np.isfinite(values).all(axis=1)

@@ -1,4 +1,4 @@
-"""What repeats say about a channel: its noise, and how much of it any model could explain."""
+"""What repeats say about a channel: its noise, and how much of it they can have in common."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.noise import Noise, autocovariance, autoregressive, runs, whitened_variance
+from estimator.diagnosis.noise import (
+    Noise,
+    autocovariance,
+    autoregressive,
+    density_of,
+    in_bands,
+    runs,
+    whitened_variance,
+    with_density,
+)
 from estimator.diagnosis.stretches import Grid, Stretch
 from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, aligned
@@ -17,6 +26,10 @@ Array = NDArray[np.float64]
 
 _LEAST_ROWS = 60
 """Rows of difference that a noise must be judged by."""
+_BANDS = 12
+"""Of equal width, up to the highest frequency of the rows."""
+_SURELY = 2.0
+"""Standard errors."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +78,10 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
     return result
 
 
-def repeated_noise(rows: Sequence[Array], unseen: Array) -> Noise | None:
+def repeated_noise(rows: Sequence[Array], unseen: Array, exact: Array) -> Noise | None:
     """Noise from the playings' deviations from their mean, and ``unseen`` (channels, ORDER + 1), the autocovariance of
-    errors that they have in common; None where repeats are too short to tell."""
+    errors that they have in common, of which there are no more than what they have in common; ``exact``, likewise, of
+    what nothing is computed more exactly than. None where repeats are too short to tell."""
     if not rows:
         return None
     deviations = [
@@ -76,6 +90,7 @@ def repeated_noise(rows: Sequence[Array], unseen: Array) -> Noise | None:
     freedom = sum((len(stack) - 1) * stack.shape[1] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
+    unseen = _within_what_recurs(unseen, rows) + exact
     covariance = autocovariance(deviations) + unseen
     filters = np.array([autoregressive(row, freedom) for row in covariance])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
@@ -90,18 +105,20 @@ def repeated_noise(rows: Sequence[Array], unseen: Array) -> Noise | None:
     )
 
 
-def explainable(rows: Sequence[Array]) -> tuple[Array, Array]:
-    """Mean square per row of what repeats (channels,), and its standard error: the bound on any model's gain.
-
-    The mean of the playings less the part of the noise that is left in it.
-    """
-    total = sum(stack.shape[1] for stack in rows)
-    channels = rows[0].shape[2]
-    power, scatter = np.zeros(channels), np.zeros(channels)
+def _within_what_recurs(unseen: Array, rows: Sequence[Array]) -> Array:
+    """(channels, ORDER + 1) ``unseen`` (channels, ORDER + 1) without what of it would be more, at any frequency, than
+    the playings have in common there: causes and errors."""
+    recurring, scatter = np.zeros((2, len(unseen), _BANDS))
+    bins = np.zeros(_BANDS)
     for stack in rows:
-        count = len(stack)
-        noise = np.sum((stack - stack.mean(axis=0)) ** 2, axis=0) / (count - 1)
-        own = stack.mean(axis=0) ** 2 - noise / count
-        power += own.sum(axis=0)
-        scatter += np.sum((own - own.mean(axis=0)) ** 2, axis=0)
-    return power / total, np.sqrt(scatter) / total
+        count, samples, _ = stack.shape
+        mean = stack.mean(axis=0)
+        # The constant tells nothing: it is one bin, and holds what stands.
+        common, other = (np.abs(np.fft.rfft(x, axis=-2)[..., 1:, :]) ** 2 / samples for x in (mean, stack - mean))
+        own = (common - other.sum(axis=0) / (count * (count - 1))).T
+        recurring += in_bands(own, _BANDS)
+        scatter += in_bands(own**2, _BANDS)
+        bins += in_bands(np.ones(own.shape[1]), _BANDS)
+    most = (np.maximum(recurring, 0.0) + _SURELY * np.sqrt(scatter)) / np.maximum(bins, 1.0)
+    density = density_of(unseen, _BANDS)
+    return unseen - with_density(density - np.minimum(density, np.where(bins > 0.0, most, np.inf)))

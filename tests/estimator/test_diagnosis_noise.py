@@ -8,7 +8,17 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator.diagnosis.assumed_noise import assumed_noise
-from estimator.diagnosis.noise import ASSUMED_ORDER, ORDER, WIDENED, Noise, autocovariance, autoregressive
+from estimator.diagnosis.noise import (
+    ASSUMED_ORDER,
+    ORDER,
+    WIDENED,
+    Noise,
+    autocovariance,
+    autoregressive,
+    density_of,
+    with_density,
+)
+from estimator.diagnosis.repetition import repeated_noise
 
 ROWS = 480
 
@@ -76,3 +86,40 @@ def test_slow_causes_are_told_beside_the_noise_of_accelerations(frequency: float
     phase = np.exp(-2j * np.pi * frequency * np.arange(ORDER + 1))
     density = (2.0 * np.sin(np.pi * frequency)) ** 4 + 0.02**2
     assert least < density * abs(taps @ phase) ** 2 < 1.5
+
+
+def test_a_density_has_its_autocovariance() -> None:
+    density = np.array([3.0, 2.0, 1.0, 0.5])
+    covariance = with_density(density)
+    assert covariance[0] == pytest.approx(density.mean())
+    frequency = np.pi * (np.arange(40_000) + 0.5) / 40_000
+    waves = np.cos(np.outer(np.arange(ORDER + 1), frequency))
+    np.testing.assert_allclose(covariance, (waves * np.repeat(density, 10_000)).mean(axis=1), atol=1e-6)
+    np.testing.assert_allclose(density_of(with_density(np.full((2, 6), 0.7)), 6), 0.7)
+    falling = density_of(covariance, 4)
+    assert np.all(np.diff(falling) < 0.0)
+    np.testing.assert_allclose(falling, density, rtol=0.25)
+
+
+@pytest.mark.parametrize(("there", "least", "most"), [(0.0, 0.9, 1.1), (1.0, 1.8, 2.1), (4.0, 1.9, 2.1)])
+def test_errors_that_recur_are_no_more_than_what_recurs(there: float, least: float, most: float) -> None:
+    """Playings with a noise of variance one each, of which as much again is said to recur: there is that, none of it,
+    or more, which is no error."""
+    random = np.random.default_rng(2)
+    stacks = [np.sqrt(there) * random.normal(size=(1, 300, 1)) + random.normal(size=(3, 300, 1)) for _ in range(6)]
+    unseen = np.zeros((1, ORDER + 1))
+    unseen[0, 0] = 1.0
+    noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
+    assert noise is not None
+    assert least < noise.rms[0] ** 2 < most
+
+
+def test_a_cause_that_recurs_at_low_frequencies_hides_no_errors_above() -> None:
+    random = np.random.default_rng(3)
+    wave = 5.0 * np.sin(2.0 * np.pi * 0.01 * np.arange(600))[None, :, None]
+    unseen = np.zeros((1, ORDER + 1))
+    unseen[0, 0] = 1.0
+    stacks = [wave + random.normal(size=(2, 600, 1)) for _ in range(4)]
+    noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
+    assert noise is not None
+    assert 1.0 < noise.rms[0] ** 2 < 1.35, "a twelfth of the frequencies holds the cause"
