@@ -27,10 +27,18 @@ def against_typical(model: Conditional, plain: Law, column: int, wide: Law, shap
     place = np.flatnonzero(model.active == column)
     if typical is None or not place.size:
         return None
-    value = float(model.value[place[0]]) * np.array(typical)
+    (own,) = place
+    level, told = float(model.value[own]), 1.0 / float(model.covariance[own, own])
+    usual = np.array(typical)
+    either = [usual, -usual] if np.min(usual) < 0.0 else [usual]
     against = []
     for columns in shapes:
         matrix, score, _ = model.left_of(columns)
-        told = abs(score @ value) if np.min(typical) < 0.0 else score @ value
-        against.append(0.5 * float(value @ matrix @ value) - float(told))
+        ways = []
+        for way in either:
+            # The plain law alone has taken a part of what stands beside it: its level is less beside it.
+            whole = 1.0 + float(model.projected[own, columns] @ way)
+            best = (told * whole * level + float(score @ way)) ** 2 / (told * whole**2 + float(way @ matrix @ way))
+            ways.append(0.5 * (told * level**2 - best))
+        against.append(min(ways))
     return float(np.log(len(against)) - logsumexp(-np.array(against)))

@@ -9,8 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.base_parameters import base_parameters
+from estimator.diagnosis.conditional import Conditional
+from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.grams import Block
 from estimator.diagnosis.rivals import AMBIGUOUS
+from estimator.diagnosis.stretches import Channel
+from estimator.diagnosis.typical import against_typical
+from estimator.effects import catalogue
 
 Array = NDArray[np.float64]
 
@@ -172,3 +179,35 @@ def test_only_a_motion_that_is_played_again_tells_a_drift(
     assert (finding.effect, finding.place.joint, finding.status) == ("friction_drift", 1, status)
     if status == "ambiguous":
         assert [a.effect for a in finding.alternatives] == ["coulomb_friction"]
+
+
+@pytest.mark.parametrize(("wide", "signs"), [("stribeck_friction", (1.0,)), ("asymmetric_friction", (1.0, -1.0))])
+def test_what_speaks_against_a_usual_form_is_the_misfit_of_that_form(
+    make_chain: Callable[..., RigidBody], wide: str, signs: tuple[float, ...]
+) -> None:
+    """Of the plain law with its usual companion, at one level for both, against the plain law alone."""
+    body, random = make_chain("r"), np.random.default_rng(6)
+    base, plain, law = base_parameters(body), catalogue()["coulomb_friction"], catalogue()[wide]
+    given, usual = base.rank + 1, np.array(law.typical["coulomb_friction"])
+    rows = random.normal(size=(given + 1 + len(usual), 300))
+    # What stands beside a law looks much like it.
+    rows[given + 1 :] += 0.8 * rows[given]
+    residual = rows.T @ np.append(random.normal(size=given + 1), 0.3 * usual) + random.normal(size=300)
+    free, columns = np.full(1, np.inf), np.arange(given + 1, given + 1 + len(usual))
+    candidates = (
+        Candidate(0, np.zeros(0), np.array([given]), (0,), -free, free),
+        Candidate(1, np.zeros(0), columns, (0,), -np.repeat(free, len(usual)), np.repeat(free, len(usual))),
+    )
+    told = np.eye(given)
+    design = Design(body, base, (Channel("torque", 0),), (), candidates, told, (np.arange(base.rank),))
+    whole = np.vstack([rows, residual])
+    model = Conditional(design, Block(0, 300, [whole @ whole.T]), np.ones(1), np.arange(given + 1))
+
+    def misfit(last: Array) -> float:
+        """Half the square of what is left, the given unknowns within their prior."""
+        matrix = np.vstack([np.vstack([rows[:given], last]).T, np.eye(given, given + 1)])
+        return 0.5 * float(np.linalg.lstsq(matrix, np.append(residual, np.zeros(given)), rcond=None)[1][0])
+
+    found = against_typical(model, plain, given, law, [columns])
+    best = min(misfit(rows[given] + sign * usual @ rows[columns]) for sign in signs)
+    assert found == pytest.approx(best - misfit(rows[given]), rel=1e-6)
