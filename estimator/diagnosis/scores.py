@@ -24,6 +24,8 @@ _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
 BORNE_OUT = 1.64
 """Standard errors by which a held-out gain must be above zero; beyond, nothing more is asked."""
+_OTHERS = 3
+"""Folds at least that bear out what another one shows."""
 _ROUGHLY = 0.5
 """Of the evidence that a tolerance gives, what stays when it is wider by the square root of two."""
 _SAME_ORDER = 0.5
@@ -269,5 +271,11 @@ class Scores:
 
 
 def _in_errors(gains: Array) -> float:
-    """The sum of the folds' gains in its standard errors."""
+    """The sum of the folds' gains in its standard errors; that of all but the largest where it is more. A motion that
+    shows far more than the others, as one that was designed to, would be all of the scatter: they bear it out then."""
+    others = np.sort(gains)[:-1]
+    return max(_told_by(gains), _told_by(others) if len(others) >= _OTHERS else -np.inf)
+
+
+def _told_by(gains: Array) -> float:
     return float(gains.sum()) / max(float(gains.std(ddof=1) * np.sqrt(len(gains))), 1e-12)
