@@ -13,7 +13,7 @@ not, and the difference looks like friction or elasticity. Two stages:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -274,8 +274,10 @@ _SHAKING = 0.02
 """Of the velocities' energy."""
 _NO_MOTION = 50.0
 """Hz, above which no arm is moved on purpose: what a servo that creeps or stands trembles with."""
-_SLIGHT = 5e-4
-"""Of the mean square speed of the fastest joint of the fastest recording: one that moves less tells no band."""
+_STANDS = 5e-4
+"""Of the mean square speed of the fastest joint of the fastest recording: one that moves less tells no band …"""
+_CREEPS = 0.01
+"""… nor one that moves less than this share of its own in its fastest recording."""
 
 
 def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> float:
@@ -286,17 +288,25 @@ def motion_band(trajectories: Sequence[Trajectory], share: float = 0.995) -> flo
     energy is none either: a servo that trembles. Joints that stand or creep beside others that move, in the same
     recording or another, do not count.
     """
-    spectra = [spectrum for trajectory in trajectories for spectrum in _velocity_spectra(trajectory)]
-    most = max((float(energy.sum()) for _, energy in spectra), default=0.0)
-    telling = (own for own in spectra if own[1].sum() > _SLIGHT * most)
-    return max((float(frequency[_reach(energy, share)]) for frequency, energy in telling), default=0.0)
+    spectra = [spectrum for trajectory in trajectories if (spectrum := _velocity_spectra(trajectory)) is not None]
+    if not spectra:
+        return 0.0
+    squares = np.array([energy.sum(axis=1) for _, energy in spectra])
+    telling = squares > np.maximum(_CREEPS * squares.max(axis=0), _STANDS * squares.max())
+    reached = (
+        float(frequency[_reach(own, share)])
+        for (frequency, energy), joints in zip(spectra, telling, strict=True)
+        for own in energy[joints]
+    )
+    return max(reached, default=0.0)
 
 
-def _velocity_spectra(trajectory: Trajectory) -> Iterator[tuple[Array, Array]]:
-    """For each joint, frequencies (bins,) Hz and what of its mean square velocity stands out of noise there."""
+def _velocity_spectra(trajectory: Trajectory) -> tuple[Array, Array] | None:
+    """Frequencies (bins,) Hz, and what of each joint's mean square velocity (joints, bins) stands out of noise there;
+    None for a recording without a gapless piece."""
     piece = next(trajectory.segments(longest=100_000, overlap=0), None)
     if piece is None:
-        return
+        return None
     measured = trajectory.q if trajectory.dq is None else trajectory.dq
     channel = np.ascontiguousarray(resample(trajectory.t[piece], measured[piece], trajectory.rate).T)
     if trajectory.dq is None:
@@ -308,8 +318,7 @@ def _velocity_spectra(trajectory: Trajectory) -> Iterator[tuple[Array, Array]]:
     if trajectory.dq is None:
         energy *= (2.0 * np.pi * frequency) ** 2
     slow = frequency <= _NO_MOTION
-    for own in energy:
-        yield frequency[slow], own[slow]
+    return frequency[slow], energy[:, slow]
 
 
 def _floor(power: Array) -> Array:
