@@ -25,8 +25,7 @@ from config.motion import SampledMotion
 from config.motion.curves import RestToRest
 from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.experiment import PLAYINGS, design_experiment
-from estimator.diagnosis.experiment_motions import ExperimentMotion
+from estimator.diagnosis.experiment import Experiment, design_experiment
 from service.answers import finite
 from service.diagnosis.experimenting import between, realised_gap
 from service.diagnosis.json_answer import as_json
@@ -72,10 +71,10 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
             return None
         motions: list[Played] = []
         while len(motions) < budget and (chosen := _chosen(found, read, prepared)) is not None:
-            motion, promised, rivals = chosen
-            files += _written(_played(motion, prepared, len(motions) + 1), plan, prepared, folder, len(files))
+            experiment, rivals = chosen
+            files += _written(_played(experiment, prepared, len(motions) + 1), plan, prepared, folder, len(files))
             read, found = _diagnosed(files, folder)
-            motions.append(Played(promised, realised_gap(found, rivals)))
+            motions.append(Played(experiment.predicted_gap, realised_gap(found, rivals)))
         answer = finite(as_json(found, read.notes))
         judgement = judge(prepared.truth, answer, time.perf_counter() - begin)
         return Decided(judgement, tuple(motions), not _ambiguous(found))
@@ -112,7 +111,7 @@ def _diagnosed(files: Sequence[Path], folder: Path) -> tuple[ReadRecordings, Dia
 
 def _chosen(
     found: Diagnosis, read: ReadRecordings, prepared: Prepared
-) -> tuple[ExperimentMotion, float, list[dict[str, object]]] | None:
+) -> tuple[Experiment, list[dict[str, object]]] | None:
     """The motion of the ambiguous finding that it promises most for, as a session chooses it."""
     limits = limits_of(prepared.installation, read.body)
     home = np.array(prepared.installation.arm.home_rad)
@@ -120,14 +119,14 @@ def _chosen(
     for finding in _ambiguous(found):
         assert finding.contest is not None
         if (experiment := design_experiment(finding.contest, limits, home)) is not None:
-            designed.append((experiment.motion, experiment.predicted_gap, between(finding, found.joints)))
-    return max(designed, key=lambda one: one[1], default=None)
+            designed.append((experiment, between(finding, found.joints)))
+    return max(designed, key=lambda one: one[0].predicted_gap, default=None)
 
 
-def _played(motion: ExperimentMotion, prepared: Prepared, number: int) -> list[Run]:
+def _played(experiment: Experiment, prepared: Prepared, number: int) -> list[Run]:
     """The motion played on the plant, from home to its start before each playing."""
     home = np.array(prepared.installation.arm.home_rad)
-    t, q, dq, ddq = motion.sampled(RATE_HZ)
+    t, q, dq, ddq = experiment.motion.sampled(RATE_HZ)
     rest = round(REST_S * RATE_HZ)
     pad = ((rest, rest), (0, 0))
     there = SampledMotion(
@@ -135,7 +134,7 @@ def _played(motion: ExperimentMotion, prepared: Prepared, number: int) -> list[R
         np.pad(q, pad, mode="edge"), np.pad(dq, pad), np.pad(ddq, pad), f"experiment-{number}",
     )  # fmt: skip
     motions = {"experiment": there, "to": _way(home, q[0], "to"), "back": _way(q[-1], q[0], "back")}
-    order = ("to", "experiment", *("back", "experiment") * (PLAYINGS - 1))
+    order = ("to", "experiment", *("back", "experiment") * (experiment.playings - 1))
     runs = play(prepared.installation, prepared.hidden, Playlist(motions, order), prepared.seed + number)
     return [run for run in runs if run.motion == "experiment"]
 

@@ -67,7 +67,7 @@ class Contest:
         """Hz at which a planned motion is to be sampled."""
         return 2.0 * self.band * SAMPLES_A_ROW
 
-    def planned(self, t: Array, q: Array, dq: Array, ddq: Array, playings: int) -> Block:
+    def planned(self, t: Array, q: Array, dq: Array, ddq: Array) -> Block:
         """What a motion sampled at `rate` would add, its torques not known yet: Gram matrices whose last row is zero.
 
         ``t`` (samples,), ``q, dq, ddq`` (samples, n).
@@ -75,7 +75,7 @@ class Contest:
         signals = Signals.of_motion(self.design.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
         rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, self.noise)
-        return Block(0, playings * rows[0].shape[1], [playings * x @ x.T for x in rows])
+        return Block(0, rows[0].shape[1], [x @ x.T for x in rows])
 
     def support(self, block: Block) -> Array:
         """(rivals,) nats by which each rival explains a block, less what its freedom costs."""

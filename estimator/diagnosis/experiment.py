@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -19,8 +20,8 @@ DECIDED = 10.0
 fewer than one in ten falls below the three nats within which rivals are as good as each other."""
 UNDECIDED = 3.0
 """nats: pairs of which no motion promises more are beyond what the limits allow to tell."""
-PLAYINGS = 2
-"""Times that the motion will be played: what differs between them is noise."""
+PLAYINGS = (2, 4, 8)
+"""Times that a motion may be played: what differs between two is noise, and more make it smaller."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class Experiment:
     """
 
     motion: ExperimentMotion
+    playings: int
+    """Times that it is to be played."""
     gaps: Array
     told: tuple[tuple[int, int], ...]
     alike: tuple[tuple[int, int], ...]
@@ -40,6 +43,11 @@ class Experiment:
     def predicted_gap(self) -> float:
         """nats of the worst pair that can be told apart, whichever of the two is the truth."""
         return min(pair_gap(self.gaps, pair) for pair in self.told)
+
+    @property
+    def decided(self) -> int:
+        """Pairs that it leaves no doubt about."""
+        return sum(pair_gap(self.gaps, pair) >= DECIDED for pair in self.told)
 
 
 def pair_gap(gaps: Array, pair: tuple[int, int]) -> float:
@@ -51,27 +59,33 @@ def design_experiment(
     contest: Contest, limits: MotionLimits, home: Array, seconds: float = 15.0, seed: int = 0
 ) -> Experiment | None:
     """The motion of the family that leaves fewest pairs of rivals undecided, and of those the one whose worst pair is
-    told apart best; None when no motion within the limits tells any pair apart.
+    told apart best; as few playings of it as leave so few; None when no motion within the limits tells any pair apart.
 
     ``limits`` and ``home`` (n,) are in the order of the contest's body.
     """
-    body = contest.design.body
-    tried = []
-    for motion in family(body, limits, home, joints_of(contest), contest.band, seconds, seed):
-        planned = contest.planned(*motion.sampled(contest.rate), playings=PLAYINGS)
-        tried.append((motion, contest.expected_gaps(planned)))
-    pairs = list(combinations(range(len(contest.rivals)), 2))
-    best = {pair: max((pair_gap(gaps, pair) for _, gaps in tried), default=0.0) for pair in pairs}
-    told = tuple(pair for pair in pairs if best[pair] > UNDECIDED)
+    motions = list(family(contest.design.body, limits, home, joints_of(contest), contest.band, seconds, seed))
+    once = [contest.planned(*motion.sampled(contest.rate)) for motion in motions]
+    best: Experiment | None = None
+    for playings in PLAYINGS:
+        gaps = [contest.expected_gaps(planned.times(playings)) for planned in once]
+        found = _best(motions, playings, gaps, len(contest.rivals))
+        # Where nothing is decided, the more the better.
+        if found is not None and (best is None or found.decided > best.decided or not best.decided):
+            best = found
+        if best is not None and best.decided == len(best.told) + len(best.alike):
+            break
+    return best
+
+
+def _best(motions: Sequence[ExperimentMotion], playings: int, gaps: Sequence[Array], rivals: int) -> Experiment | None:
+    pairs = list(combinations(range(rivals), 2))
+    most = {pair: max((pair_gap(own, pair) for own in gaps), default=0.0) for pair in pairs}
+    told = tuple(pair for pair in pairs if most[pair] > UNDECIDED)
     if not told:
         return None
-
-    def merit(gaps: Array) -> tuple[int, float]:
-        promised = [pair_gap(gaps, pair) for pair in told]
-        return sum(gap >= DECIDED for gap in promised), min(promised)
-
-    motion, gaps = max(tried, key=lambda one: merit(one[1]))
-    return Experiment(motion, gaps, told, tuple(pair for pair in pairs if pair not in told))
+    alike = tuple(pair for pair in pairs if pair not in told)
+    designed = [Experiment(motion, playings, own, told, alike) for motion, own in zip(motions, gaps, strict=True)]
+    return max(designed, key=lambda one: (one.decided, one.predicted_gap))
 
 
 def joints_of(contest: Contest) -> tuple[int, ...]:

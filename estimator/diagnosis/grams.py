@@ -42,6 +42,10 @@ class Block:
         grams = [gram[np.ix_(own, own)] for gram, own in zip(self.grams, kept, strict=True)]
         return Block(self.recording, self.rows, grams, self.middle)
 
+    def times(self, count: int) -> Block:
+        """The sum of as many that are alike."""
+        return Block(self.recording, count * self.rows, [count * gram for gram in self.grams])
+
 
 @dataclass(frozen=True)
 class Sheet:

@@ -43,7 +43,7 @@ def next_experiment(
     moving = [diagnosis.joints[joint] for joint in chosen.motion.joints]
     told = _sentence(chosen, finding, diagnosis.joints)
     return {
-        **experiment(told, str(path), moving, chosen.predicted_gap),
+        **experiment(told, str(path), moving, chosen.playings, chosen.predicted_gap),
         "between": between(finding, diagnosis.joints),
     }
 
@@ -98,7 +98,8 @@ def _sentence(chosen: Experiment, finding: Finding, joints: Sequence[str]) -> st
     """Which motion, what it decides, and what it leaves."""
     places = [(finding.effect, finding.place), *((a.effect, a.place) for a in finding.alternatives)]
     where = ", ".join(joints[joint] for joint in chosen.motion.joints)
-    text = f"play the {chosen.motion.kind} of {where} twice"
+    times = "twice" if chosen.playings == 2 else f"{chosen.playings} times"
+    text = f"play the {chosen.motion.kind} of {where} {times}"
 
     def told(place: tuple[str, Place]) -> str:
         return f"{effect_text(place[0])} of {place_text(place[1], joints, verb=False)}"

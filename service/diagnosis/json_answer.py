@@ -56,10 +56,21 @@ def _residual(residual: Residual) -> dict[str, Any]:
 
 
 def experiment(
-    sentence: str, motion: str | None = None, joints: Sequence[str] = (), predicted_gap: float | None = None
+    sentence: str,
+    motion: str | None = None,
+    joints: Sequence[str] = (),
+    playings: int | None = None,
+    predicted_gap: float | None = None,
 ) -> dict[str, Any]:
-    """What would decide: in words, and as the motion file where one was designed, with the gap it promises, nats."""
-    return {"motion": motion, "joints": list(joints), "sentence": sentence, "predicted_gap": predicted_gap}
+    """What would decide: in words, and as the motion file where one was designed, how often to play it, and the gap
+    that it then promises, nats."""
+    return {
+        "motion": motion,
+        "joints": list(joints),
+        "sentence": sentence,
+        "playings": playings,
+        "predicted_gap": predicted_gap,
+    }
 
 
 def _finding(finding: Finding, diagnosis: Diagnosis) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from service.sessions.procedure import Tell, part
 from service.sessions.store import Kind, Session
 
 PLAYINGS = 2
-"""Of every motion: what differs between them is noise."""
+"""Of every motion to begin with: what differs between them is noise."""
 PLAYING_SHARE = 0.6
 """Share of a round that goes by in motion; the rest is judging."""
 
@@ -74,7 +74,8 @@ class DiagnoseArm:
             begin = (len(experiments) + 1) * round_share
             another = part(tell, begin, begin + round_share)
             plan = plan_motion(designed["motion"], self._installation, self._asked.mode, self._asked.controller)
-            recordings += await play_recorded(moving, session, [plan] * PLAYINGS, part(another, 0.0, PLAYING_SHARE))
+            plans = [plan] * int(designed["playings"])
+            recordings += await play_recorded(moving, session, plans, part(another, 0.0, PLAYING_SHARE))
             played = {key: designed[key] for key in ("motion", "between", "predicted_gap")}
             experiments = [*answer["experiments"], played]
             answer = await self._judged(session, recordings, experiments, another)

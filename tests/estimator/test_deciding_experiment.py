@@ -70,7 +70,7 @@ def kinds_by_gap(contested: Contest, limits: MotionLimits, pair: tuple[int, int]
     """The best expected gap of each kind of motion on joint 2 alone, and of the motions of all joints."""
     best: dict[str, float] = {}
     for motion in family(contested.design.body, limits, HOME, [1], contested.band):
-        gaps = contested.expected_gaps(contested.planned(*motion.sampled(contested.rate), PLAYINGS))
+        gaps = contested.expected_gaps(contested.planned(*motion.sampled(contested.rate)).times(2))
         gap = min(gaps[pair], gaps[pair[::-1]])
         best[motion.kind] = max(best.get(motion.kind, -np.inf), gap)
     return best
@@ -120,7 +120,7 @@ def test_motion_that_tells_two_causes_apart_is_preferred_and_keeps_its_promise(
     _, q, dq, ddq = chosen.motion.sampled(RATE)
     assert limits.worst(arm, q, dq, ddq) <= 1.0
     np.testing.assert_allclose(dq[[0, -1]], 0.0, atol=1e-3)
-    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
+    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in range(7, 7 + chosen.playings)]
     more, again = gathered(arm, [*so_far, *after])
     decided = between(again, more, [law[:2], rival])
     support = decided.support(decided.known)
@@ -139,11 +139,24 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert chosen is not None
     assert chosen.predicted_gap > UNDECIDED
     assert chosen.gaps[0, 1] == pytest.approx(chosen.gaps[1, 0])
-    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in (7, 8)]
+    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in range(7, 7 + chosen.playings)]
     _, again = gathered(arm, [*so_far, *after])
     # A gap scatters by the square root of twice its size.
     scatter = np.sqrt(2.0 * chosen.predicted_gap)
     assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
+
+
+def test_the_weaker_a_cause_the_more_often_the_motion_is_played(arm: RigidBody, limits: MotionLimits) -> None:
+    playings = []
+    for level in (0.5, 0.12):
+        law: Law = ("coulomb_friction", JOINT, {"level": level})
+        so_far = [measured(arm, law, one_swing([0.5, 0.06, 0.5]), seed) for seed in range(2)]
+        evidence, scores = gathered(arm, so_far)
+        chosen = design_experiment(between(scores, evidence, [law[:2], ("asymmetric_friction", JOINT)]), limits, HOME)
+        assert chosen is not None
+        assert chosen.decided == 1 or chosen.playings == max(PLAYINGS)
+        playings.append(chosen.playings)
+    assert playings[0] == min(PLAYINGS) < playings[1]
 
 
 def test_a_wider_law_of_another_joint_is_judged_as_it_was_fitted(arm: RigidBody, limits: MotionLimits) -> None:
@@ -152,7 +165,7 @@ def test_a_wider_law_of_another_joint_is_judged_as_it_was_fitted(arm: RigidBody,
     motion = one_swing([0.5, 0.5, 0.5])
     here, there = (
         (contested := between(scores, evidence, [law[:2], ("asymmetric_friction", place)])).expected_gaps(
-            contested.planned(*motion, PLAYINGS)
+            contested.planned(*motion).times(2)
         )
         for place in (JOINT, Place(0))
     )
