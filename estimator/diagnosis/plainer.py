@@ -9,6 +9,7 @@ import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.rivals import told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH
@@ -59,7 +60,7 @@ def without_menders(
     evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined
 ) -> tuple[list[Cause], Refined]:
     """The causes as they are told, the rest of them as they stand: a law that only mends the form of what it contains
-    (`Law.mends_below`) is told as that, with the alternatives that it had."""
+    (`Law.mends_below`) is told as that, with the alternatives that it had and those that have the plainer law's."""
     search = Search(scores)
     alternatives = {cause.candidate: cause.alternatives for cause in causes}
     for cause, own in zip(causes, refined.design.candidates, strict=True):
@@ -78,8 +79,7 @@ def without_menders(
         least = _MENDED if own.theta[0] < below else FORM
         if refined.explained - shaped.explained < least * (refined.explained - without.explained):
             for plain in set(instead) - set(others):
-                same = scores.owner[plain]
-                alternatives[plain] = tuple(a for a in cause.alternatives if scores.owner[a.candidate] != same)
+                alternatives[plain] = told_as(search.admission, cause.candidate, chosen, plain, cause.alternatives)
             causes = [replace(c, alternatives=alternatives[c.candidate]) for c in told]
             refined = shaped
     return causes, refined

@@ -77,15 +77,41 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
         return min(gap, freedom - more)
     # A law of which the motion shows a part alone may have no more freedom than those it contains.
     chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
-    plain, wide = (scores.hypothesis(k).effect for k in (candidate, rival))
-    shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
-    column = int(scores.design.candidates[candidate].columns[0])
-    typical = against_typical(scores.model(chosen), plain, column, wide, shapes)
+    typical = _against_usual(scores, candidate, chosen, candidate, rival)
     if typical is not None and chance > AMBIGUOUS:
         return typical
     # Of a wider law that is linear in what it has more, chance is known well.
     certain = gap > 0.0 and _shapes(scores, rival) <= _shapes(scores, candidate)
     return chance if certain else min(gap, chance)
+
+
+def told_as(
+    admission: Admission, candidate: int, chosen: list[int], plain: int, alternatives: Sequence[Alternative]
+) -> tuple[Alternative, ...]:
+    """The ``alternatives`` of a cause that is told as a plainer law of its place, nearest first: those that contain the
+    plainer law are as near as their usual form is, whether beside the cause as it was chosen or beside that law."""
+    scores, result = admission.scores, []
+    instead = [plain if c == candidate else c for c in chosen]
+    for other in alternatives:
+        if scores.owner[other.candidate] == scores.owner[plain]:
+            continue
+        usual = [
+            _against_usual(scores, standing, there, plain, other.candidate)
+            for standing, there in ((candidate, chosen), (plain, instead))
+            if admission.contained(plain, other.candidate)
+        ]
+        # What mends the form of either is refuted by the other.
+        against = max((nats for nats in usual if nats is not None), default=other.gap)
+        result.append(Alternative(other.candidate, max(min(against, other.gap), 0.0)))
+    return tuple(sorted(result, key=lambda other: other.gap))
+
+
+def _against_usual(scores: Scores, candidate: int, chosen: list[int], plain: int, rival: int) -> float | None:
+    """nats that speak against what a rival usually has beside a plainer law, for which a chosen candidate stands."""
+    law, wide = (scores.hypothesis(k).effect for k in (plain, rival))
+    shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
+    column = int(scores.design.candidates[candidate].columns[0])
+    return against_typical(scores.model(chosen), law, column, wide, shapes)
 
 
 def _with_all_parts(admission: Admission, rival: int, chosen: list[int]) -> list[int]:

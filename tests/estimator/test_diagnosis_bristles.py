@@ -16,7 +16,7 @@ from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.lack_of_fit import Misfit
 from estimator.diagnosis.plainer import fitted, told_once, without_menders
-from estimator.diagnosis.rivals import AMBIGUOUS, rivals
+from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -62,7 +62,7 @@ def gathered(record: Callable[[Friction], tuple[RigidBody, list[Trajectory]]]) -
 
 def scores_of(evidence: Evidence) -> Scores:
     return Scores(
-        evidence.design, evidence.blocks, evidence.folds, evidence.noise.news, None, evidence.noise.degrees_of_freedom
+        evidence.design, evidence.blocks, evidence.folds, evidence.noise.news, (), evidence.noise.degrees_of_freedom
     )
 
 
@@ -181,6 +181,25 @@ def test_what_is_left_within_the_noise_s_own_error_makes_nothing_a_trifle(
     nothing = np.zeros(len(evidence.design.channels))
     told = [Admission(scores).told(dry, [dry], nothing) for scores in (known, unsure)]
     assert told[1] > 2.0 * told[0]
+
+
+@pytest.mark.parametrize(("rise", "near"), [(0.0, False), (1.0, True)])
+def test_what_is_told_as_coulomb_friction_has_the_wider_laws_beside_it_that_were_not_refuted(
+    record: Callable[[Friction, float], tuple[RigidBody, list[Trajectory]]], rise: float, near: bool
+) -> None:
+    """Bristles that a joint sticks by, with and without a friction that is larger from rest."""
+    slow = record(lambda q, dq: 3.0 * bristles(q, 1e-4) * (1.0 + rise * np.exp(-((dq / 0.1) ** 2))), 0.1)
+    evidence = gather(*slow, 0.05)
+    scores = scores_of(evidence)
+    bent, plain, wide, other = (
+        best_of(scores, (name,))[0]
+        for name in ("presliding", "coulomb_friction", "stribeck_friction", "friction_drift")
+    )
+    had = [Alternative(plain, 5.0), Alternative(wide, 20.0), Alternative(other, 10.0)]
+    told = told_as(Admission(scores), bent, [bent], plain, had)
+    assert {one.candidate for one in told} == {wide, other}
+    assert (told[0].candidate == wide and told[0].gap < AMBIGUOUS) is near
+    assert all(one.gap >= AMBIGUOUS for one in told) is not near
 
 
 @pytest.mark.parametrize(("slope", "flagged"), [(0.05, False), (1.0, True)])
