@@ -69,20 +69,32 @@ def without_menders(
         if not below:
             continue
         others = [k for k in chosen if k != cause.candidate]
-        plainer = [k for k in others if search.admission.contained(k, cause.candidate)]
+        plainer = [k for k in others if _stands_for_the_same(search, k, cause.candidate)]
         instead = others if plainer else search.special(cause.candidate, chosen)
         if not instead:
             continue
-        told = search.judged(instead)
-        shaped = fitted(evidence, scores, [c.candidate for c in told])
-        without = fitted(evidence, scores, [k for k in others if k not in plainer])
+        shaped = fitted(evidence, scores, instead)
+        explained = refined.explained - fitted(evidence, scores, [k for k in others if k not in plainer]).explained
         least = _MENDED if own.theta[0] < below else FORM
-        if refined.explained - shaped.explained < least * (refined.explained - without.explained):
+        if refined.explained - shaped.explained < least * explained:
             for plain in set(instead) - set(others):
                 alternatives[plain] = told_as(search.admission, cause.candidate, chosen, plain, cause.alternatives)
-            causes = [replace(c, alternatives=alternatives[c.candidate]) for c in told]
-            refined = shaped
+            # A wider law that stood in the plainer one's place may have been no more than a form of it either.
+            for wide in plainer:
+                trial = search.special(wide, instead)
+                if trial and shaped.explained - (fewer := fitted(evidence, scores, trial)).explained < FORM * explained:
+                    instead, shaped = trial, fewer
+            told = search.judged(instead)
+            causes = [replace(c, alternatives=alternatives.get(c.candidate, c.alternatives)) for c in told]
+            # In the order of the causes.
+            refined = fitted(evidence, scores, [c.candidate for c in told])
     return causes, refined
+
+
+def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
+    """Whether a law of the mender's place is, or contains, one that the mender contains."""
+    own, other = (search.scores.hypothesis(k) for k in (candidate, mender))
+    return own.place == other.place and bool({own.effect.name, *own.effect.contains} & set(other.effect.contains))
 
 
 def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:

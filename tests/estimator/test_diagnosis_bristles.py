@@ -168,6 +168,26 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
         assert len(told[0].alternatives) >= len(stood[0].alternatives) - 1
 
 
+@pytest.mark.parametrize(
+    ("one_way", "names"), [(0.0, ["coulomb_friction", "viscous_friction"]), (0.4, ["asymmetric_friction"])]
+)
+def test_a_wider_law_beside_what_mends_its_form_is_told_as_those_that_it_contains(
+    gathered: Callable[[Friction], Evidence], one_way: float, names: list[str]
+) -> None:
+    """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is."""
+
+    def friction(q: Array, dq: Array) -> Array:
+        return np.array([1.0, 0.0]) * (3.0 * bristles(q, 3e-4) + 0.4 * dq + one_way * np.maximum(dq, 0.0))
+
+    evidence = gathered(friction)
+    scores = scores_of(evidence)
+    stood = Search(scores).judged(best_of(scores, ("presliding", "asymmetric_friction")))
+    told, named = without_menders(evidence, scores, stood, fitted(evidence, scores, [c.candidate for c in stood]))
+    assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
+    shaped = [named.design.hypotheses[own.hypothesis] for own in named.design.candidates]
+    assert shaped == [scores.hypothesis(cause.candidate) for cause in told]
+
+
 def test_what_is_left_within_the_noise_s_own_error_makes_nothing_a_trifle(
     gathered: Callable[[Friction], Evidence],
 ) -> None:
