@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -110,6 +110,20 @@ def total(blocks: Sequence[Block | Sheet]) -> Block:
             for gram, more in zip(grams, block.grams, strict=True):
                 gram += more
     return Block(blocks[0].recording, sum(block.rows for block in blocks), grams)
+
+
+def total_anew(whole: Block, blocks: Sequence[Block | Sheet], changed: Sequence[Indices]) -> Block:
+    """The sum of blocks that was ``whole`` before the ``changed`` of each channel's columns were made anew."""
+    rows = [block for block in blocks if isinstance(block, Sheet)]
+    if len(rows) < len(blocks):
+        return total(blocks)
+    grams = []
+    for channel, (gram, own) in enumerate(zip(whole.grams, changed, strict=True)):
+        gram = gram.copy()
+        gram[own] = sum(sheet.columns[channel][own] @ sheet.columns[channel].T for sheet in rows)
+        gram[:, own] = gram[own].T
+        grams.append(gram)
+    return replace(whole, grams=grams)
 
 
 def part_of(design: Design, blocks: Sequence[Block | Sheet], chosen: Sequence[int]) -> tuple[Design, list[Block]]:

@@ -12,7 +12,7 @@ from estimator.diagnosis.chance import Chance, drawn_noise, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
-from estimator.diagnosis.grams import Block, Sheet, of_each, part_of, total, without_each
+from estimator.diagnosis.grams import Block, Sheet, of_each, part_of, total, total_anew, without_each
 from estimator.diagnosis.left_out import gains_carried_over, gains_left_out
 from estimator.diagnosis.maps import Map
 
@@ -86,8 +86,11 @@ class Scores:
 
     def sharper(self, design: Design, blocks: Sequence[Block | Sheet]) -> Scores:
         """The same of a design that differs in the shapes of some candidates alone: chance knows these no better."""
-        other = copy(self)
-        other.design, other.total, other._blocks = design, total(blocks), blocks
+        other, pairs = copy(self), zip(self.design.candidates, design.candidates, strict=True)
+        others = [new.columns for old, new in pairs if not np.array_equal(old.theta, new.theta)]
+        columns = np.concatenate([np.zeros(0, dtype=np.intp), *others])
+        changed = [places[places >= 0] for places in design.position[:, columns]]
+        other.design, other.total, other._blocks = design, total_anew(self.total, blocks, changed), blocks
         other.weights = self._news.copy()
         other._exchanged = {}
         other._forget()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.grams import Block, Sheet, part_of, total
+from estimator.diagnosis.grams import Block, Sheet, part_of, total, total_anew
 from estimator.diagnosis.stretches import Channel
 
 Array = NDArray[np.float64]
@@ -76,3 +77,20 @@ def test_a_part_has_the_products_of_its_own_columns(design: Design, sheets: list
             residual = columns[-1] - wide[design.members[channel]] @ columns[:-1]
             direction = np.append(-value[part.members[channel]], 1.0)
             assert direction @ block.grams[channel] @ direction == pytest.approx(residual @ residual, rel=1e-12)
+
+
+@pytest.mark.parametrize("kept_as_rows", [True, False])
+def test_of_columns_made_anew_the_sum_is_made_anew(sheets: list[Sheet], kept_as_rows: bool) -> None:
+    random, changed = np.random.default_rng(6), [np.array([0, 3]), np.zeros(0, dtype=np.intp)]
+    blocks: list[Sheet | Block] = []
+    for sheet in sheets:
+        first = sheet.columns[0].copy()
+        first[changed[0]] = random.normal(size=(2, sheet.rows))
+        anew = replace(sheet, columns=[first, sheet.columns[1]])
+        blocks.append(anew if kept_as_rows else anew.summed())
+    before, whole = total(sheets), total(blocks)
+    found = total_anew(before, blocks, changed)
+    assert found.rows == whole.rows
+    for own, gram in zip(found.grams, whole.grams, strict=True):
+        assert_allclose(own, gram, rtol=1e-12, atol=1e-12)
+    assert not np.allclose(found.grams[0], before.grams[0])
