@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.exchange import Exchange, exchange, with_slow_motion
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.search import Search
 from estimator.diagnosis.tolerance import base_precision
 
 Array = NDArray[np.float64]
@@ -58,11 +57,6 @@ class Searched:
     """Share of the links' tolerance under which they were found …"""
     timings: float = 1.0
     """… and of the channels' timings'."""
-
-    @cached_property
-    def causes(self) -> list[Cause]:
-        """As `Search.judged` orders them."""
-        return Search(self.scores).judged(self.chosen)
 
     @property
     def hypotheses(self) -> set[int]:

@@ -18,7 +18,7 @@ from estimator.diagnosis.plainer import fitted, simpler, told_once, without_mend
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Cause, Search
+from estimator.diagnosis.search import Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
@@ -59,23 +59,22 @@ def judge(evidence: Evidence) -> Judged:
     if not evidence.noise.playings:
         evidence = by_what_is_left(evidence, found.scores, found.chosen)
         found = searched(evidence)
-    causes, refined = _standing(found)
+    stood, refined = _standing(found)
     for _ in range(_SHARPER):
-        sharp = sharpened(evidence, found, causes, refined)
+        sharp = sharpened(evidence, found, stood, refined)
         if sharp is None:
             break
-        stood = [cause.candidate for cause in causes]
         again = searched(sharp, replace(found, chosen=stood))
         # What stood, and explains even more with a sharper shape, does not fall by it.
         if again.scores.support(stood) > again.scores.support(again.chosen) + WORTH:
             break
         evidence, found = sharp, again
-        causes, refined = _standing(found)
-    scores, chosen = found.scores, tuple(cause.candidate for cause in causes)
+        stood, refined = _standing(found)
+    scores = found.scores
     if found.widest is not scores:
-        found.widest.reweigh(chosen)
+        found.widest.reweigh(stood)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    seen, named = without_menders(found.evidence, scores, causes, refined)
+    seen, named = without_menders(found.evidence, scores, stood, refined)
     known = [_known(named, number) for number in range(len(seen))]
     told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(
@@ -84,7 +83,7 @@ def judge(evidence: Evidence) -> Judged:
         found.widest,
         borne_out,
         found.timings < 1.0,
-        chosen,
+        tuple(stood),
         refined,
         findings=tuple(compress(told, known)),
         nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
@@ -92,17 +91,17 @@ def judge(evidence: Evidence) -> Judged:
     )
 
 
-def _standing(found: Searched) -> tuple[list[Cause], Refined]:
-    """The causes of a search that stand by their best shapes."""
-    causes, refined = _refined(found.evidence, found.scores, _explaining(found.scores, found.widest, found.causes))
-    causes, refined = told_once(found.evidence, found.scores, causes, refined)
-    return simpler(found.evidence, found.scores, causes, refined)
+def _standing(found: Searched) -> tuple[list[int], Refined]:
+    """The candidates of a search that stand by their best shapes, in order."""
+    evidence, scores = found.evidence, found.scores
+    chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
+    chosen, refined = told_once(evidence, scores, chosen, refined)
+    return simpler(evidence, scores, chosen, refined)
 
 
-def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list[Cause]:
+def _explaining(scores: Scores, widest: Scores, chosen: list[int]) -> list[int]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
-    chosen = [cause.candidate for cause in causes]
     left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
     left[left < VISIBLE] = 0.0
     if widest is not scores:
@@ -111,33 +110,33 @@ def _explaining(scores: Scores, widest: Scores, causes: Sequence[Cause]) -> list
         if misfit.told:
             left[channel] = max(left[channel], misfit.variance)
     result = []
-    for cause in causes:
-        channels = list(scores.design.candidates[cause.candidate].channels)
-        own = [k for k in chosen if scores.owner[k] == scores.owner[cause.candidate]]
+    for candidate in chosen:
+        channels = list(scores.design.candidates[candidate].channels)
+        own = [k for k in chosen if scores.owner[k] == scores.owner[candidate]]
         explained = scores.explained(own, [k for k in chosen if k not in own])
         if np.any(explained[channels] > left[channels]):
-            result.append(cause)
+            result.append(candidate)
     return result
 
 
-def _refined(evidence: Evidence, scores: Scores, causes: Sequence[Cause]) -> tuple[list[Cause], Refined]:
-    """The causes at their best shapes, without those that are then nothing, and without recurrences of a law that are
-    within their own errors of it: what mended the shape of another cause is none beside its best one, and between two
-    lines of a spectrum, one that the grid did not hold looks like a third."""
-    kept = list(causes)
+def _refined(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> tuple[list[int], Refined]:
+    """The candidates at their best shapes, without those that are then nothing, and without recurrences of a law that
+    are within their own errors of it: what mended the shape of another cause is none beside its best one, and between
+    two lines of a spectrum, one that the grid did not hold looks like a third."""
+    search = Search(scores)
+    kept = search.ordered(chosen)
     while True:
-        chosen = [cause.candidate for cause in kept]
-        refined = fitted(evidence, scores, chosen)
+        refined = fitted(evidence, scores, kept)
         beyond = {
             k: _beyond_nothing(refined, number) / SIGNIFICANT
             if scores.recurs(k)
             else max(_beyond_nothing(refined, number), _told(refined, number)) / _NOTHING
-            for number, k in enumerate(chosen)
+            for number, k in enumerate(kept)
         }
         least = min(beyond, key=lambda k: beyond[k], default=None)
         if least is None or beyond[least] > 1.0:
             return kept, refined
-        kept = Search(scores).judged([k for k in chosen if k != least])
+        kept = search.ordered([k for k in kept if k != least])
 
 
 def _known(refined: Refined, number: int) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,45 +25,44 @@ def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined
     return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
 
 
-def told_once(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
-    """The causes without those that another one of the same place contains and that, at its best shape, it hardly needs
+def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
+    """The chosen without those that another one of the same place contains and that, at its best shape, it hardly needs
     beside itself: they mended the shape that it has on the grid."""
     search = Search(scores)
-    for cause in causes:
-        others = [c.candidate for c in causes if c.candidate != cause.candidate]
-        if any(search.admission.contained(cause.candidate, k) for k in others):
-            fewer = search.judged(others)
-            shaped = fitted(evidence, scores, [c.candidate for c in fewer])
+    for candidate in tuple(chosen):
+        others = [k for k in chosen if k != candidate]
+        if any(search.admission.contained(candidate, k) for k in others):
+            fewer = search.ordered(others)
+            shaped = fitted(evidence, scores, fewer)
             if shaped.explained + WORTH > refined.explained:
-                causes, refined = fewer, shaped
-    return causes, refined
+                chosen, refined = fewer, shaped
+    return chosen, refined
 
 
-def simpler(evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined) -> tuple[list[Cause], Refined]:
-    """The causes with special cases in the place of a law that is, at its best shape, without what it is named for:
+def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
+    """The chosen with special cases in the place of a law that is, at its best shape, without what it is named for:
     where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
     search = Search(scores)
-    for cause in causes:
-        chosen = [c.candidate for c in causes]
-        own = _as_named(refined, chosen.index(cause.candidate)) if cause.candidate in chosen else np.inf
+    for candidate in tuple(chosen):
+        own = _as_named(refined, chosen.index(candidate)) if candidate in chosen else np.inf
         if own > SIGNIFICANT:
             continue
-        trial = search.judged(search.pruned(search.special(cause.candidate, chosen)))
-        shaped = fitted(evidence, scores, [c.candidate for c in trial])
-        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, causes, refined)):
-            causes, refined = trial, shaped
-    return causes, refined
+        trial = search.ordered(search.pruned(search.special(candidate, chosen)))
+        shaped = fitted(evidence, scores, trial)
+        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined)):
+            chosen, refined = trial, shaped
+    return chosen, refined
 
 
 def without_menders(
-    evidence: Evidence, scores: Scores, causes: list[Cause], refined: Refined
+    evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined
 ) -> tuple[list[Cause], Refined]:
     """The causes as they are told, the rest of them as they stand: a law that only mends the form of what it contains
     (`Law.mends_below`) is told as that, with the alternatives that it had and those that have the plainer law's."""
     search = Search(scores)
+    causes = search.judged(chosen)
     alternatives = {cause.candidate: cause.alternatives for cause in causes}
     for cause, own in zip(causes, refined.design.candidates, strict=True):
-        chosen = [c.candidate for c in causes]
         below = scores.hypothesis(cause.candidate).effect.mends_below
         if not below:
             continue
@@ -84,11 +82,9 @@ def without_menders(
                 trial = search.special(wide, instead)
                 if trial and shaped.explained - (fewer := fitted(evidence, scores, trial)).explained < FORM * explained:
                     instead, shaped = trial, fewer
-            told = search.judged(instead)
-            causes = [replace(c, alternatives=alternatives.get(c.candidate, c.alternatives)) for c in told]
-            # In the order of the causes.
-            refined = fitted(evidence, scores, [c.candidate for c in told])
-    return causes, refined
+            chosen = search.ordered(instead)
+            refined = fitted(evidence, scores, chosen)
+    return search.judged(chosen, alternatives), refined
 
 
 def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
@@ -97,9 +93,9 @@ def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
     return own.place == other.place and bool({own.effect.name, *own.effect.contains} & set(other.effect.contains))
 
 
-def _support(scores: Scores, causes: Sequence[Cause], refined: Refined) -> float:
-    """nats that the causes explain at their best shapes, less their penalty."""
-    return refined.explained - scores.penalty([cause.candidate for cause in causes])
+def _support(scores: Scores, chosen: Sequence[int], refined: Refined) -> float:
+    """nats that the chosen explain at their best shapes, less their penalty."""
+    return refined.explained - scores.penalty(chosen)
 
 
 def _as_named(refined: Refined, number: int) -> float:

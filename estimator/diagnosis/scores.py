@@ -176,10 +176,11 @@ class Scores:
         taken = [int(self.owner[k]) for k in chosen if not self.recurs(k)]
         open_to = np.isfinite(gains) & ~self.is_map[self.owner] & ~np.isin(self.owner, taken)
         order = np.argsort(self._penalties - gains)
+        again = {int(self.owner[k]): [c for c in chosen if self.owner[c] == self.owner[k]] for k in chosen}
         best: dict[int, int] = {}
         for k in map(int, order[open_to[order]]):
             own = int(self.owner[k])
-            if own not in best and not any(own == self.owner[c] and self.alike(k, c, _SAME_ORDER) for c in chosen):
+            if own not in best and not any(self.alike(k, c, _SAME_ORDER) for c in again.get(own, ())):
                 best[own] = k
         rows = [(k, float(gains[k]), float(gains[k] - self._penalties[k])) for k in best.values()]
         return sorted(rows, key=lambda row: -row[2])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -75,15 +75,21 @@ class Search:
         self.scores.reweigh(chosen)
         return chosen if next(self._steps(chosen), None) is None else self.run(chosen)
 
-    def judged(self, chosen: Sequence[int]) -> list[Cause]:
-        """These candidates with their evidence beside each other: joint by joint, that with most evidence first, and so
-        within a joint."""
-        causes = [self._judged(k, list(chosen)) for k in chosen]
+    def ordered(self, chosen: Sequence[int]) -> list[int]:
+        """These candidates joint by joint, that without which most is lost first, and so within a joint."""
+        whole = self._explained(chosen)
+        lost = {k: whole - self._explained([c for c in chosen if c != k]) for k in chosen}
         most: dict[int | None, float] = {}
-        for cause in causes:
-            joint = self._joint(cause.candidate)
-            most[joint] = max(cause.gain, most.get(joint, 0.0))
-        return sorted(causes, key=lambda cause: (-most[self._joint(cause.candidate)], -cause.gain))
+        for k in chosen:
+            most[self._joint(k)] = max(lost[k], most.get(self._joint(k), 0.0))
+        return sorted(chosen, key=lambda k: (-most[self._joint(k)], -lost[k]))
+
+    def judged(
+        self, chosen: Sequence[int], alternatives: Mapping[int, tuple[Alternative, ...]] | None = None
+    ) -> list[Cause]:
+        """These candidates with their evidence beside each other; ``alternatives`` of those that are told already."""
+        told = alternatives or {}
+        return [self._judged(k, list(chosen), told.get(k)) for k in chosen]
 
     def _grown(self, chosen: list[int]) -> list[int]:
         """With one more cause after the other, as long as any is supported."""
@@ -253,15 +259,21 @@ class Search:
             chosen = [c for c in chosen if self.scores.owner[c] != self.scores.owner[least]]
         return chosen
 
-    def _judged(self, candidate: int, chosen: list[int]) -> Cause:
+    def _explained(self, chosen: Sequence[int]) -> float:
+        """nats"""
+        return self.scores.support(chosen) + self.scores.penalty(chosen)
+
+    def _judged(self, candidate: int, chosen: list[int], alternatives: tuple[Alternative, ...] | None) -> Cause:
         others = [c for c in chosen if c != candidate]
         own = int(self.scores.owner[candidate])
         gain = next((row[1] for row in self.scores.ranked(others) if self.scores.owner[row[0]] == own), 0.0)
         false_alarm = self.scores.chance.false_alarm(own, gain)
         held_out = self.scores.held_out(candidate, others)
-        # A rival that fits better and was not admitted is no better than the cause.
-        near = (Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen))
-        return Cause(candidate, gain, false_alarm, held_out, tuple(a for a in near if self._named(a.candidate)))
+        if alternatives is None:
+            # A rival that fits better and was not admitted is no better than the cause.
+            near = (Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen))
+            alternatives = tuple(a for a in near if self._named(a.candidate))
+        return Cause(candidate, gain, false_alarm, held_out, alternatives)
 
     def _named(self, candidate: int) -> bool:
         """Whether things of its name have its shape."""

@@ -17,7 +17,6 @@ from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined
-from estimator.diagnosis.search import Cause
 
 Array = NDArray[np.float64]
 
@@ -25,10 +24,10 @@ WORTH = 10.0
 """nats that the refined shapes explain more than those of the grid: what is less has no name of its own."""
 
 
-def sharpened(evidence: Evidence, found: Searched, causes: Sequence[Cause], refined: Refined) -> Evidence | None:
-    """``evidence``, in which the causes were ``found``, with the shapes of ``refined`` in the place of theirs; None
+def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refined: Refined) -> Evidence | None:
+    """``evidence``, in which the ``chosen`` were ``found``, with the shapes of ``refined`` in the place of theirs; None
     where they explain hardly more."""
-    scores, chosen = found.scores, [cause.candidate for cause in causes]
+    scores = found.scores
     if refined.explained < scores.support(chosen) + scores.penalty(chosen) + WORTH:
         return None
     candidates, changed = list(evidence.design.candidates), set(chosen)

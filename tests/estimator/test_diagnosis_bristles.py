@@ -87,13 +87,11 @@ def test_what_mended_the_shape_that_a_grid_has_falls_at_the_best_shape(
     evidence = gathered(lambda q, dq: 3.0 * bristles(q, 0.016) + sharp * np.sign(dq))
     scores = scores_of(evidence)
     both = [k for joint in range(2) for k in best_of(scores, ("presliding", "coulomb_friction"), joint)]
-    causes = Search(scores).judged(both)
-    refined = fitted(evidence, scores, [cause.candidate for cause in causes])
-    left, shaped = told_once(evidence, scores, causes, refined)
-    told = [scores.hypothesis(cause.candidate) for cause in left]
+    left, shaped = told_once(evidence, scores, both, fitted(evidence, scores, both))
+    told = [scores.hypothesis(k) for k in left]
     assert {(h.effect.name, h.place.joint) for h in told} == {(name, joint) for name in names for joint in range(2)}
     assert [candidate.hypothesis for candidate in shaped.design.candidates] == [
-        scores.design.candidates[cause.candidate].hypothesis for cause in left
+        scores.design.candidates[k].hypothesis for k in left
     ]
 
 
@@ -155,9 +153,8 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
     """With the alternatives of what stands for it, and whatever else it is put beside."""
     evidence = gathered(lambda q, dq: np.array([1.0, 0.0]) * (3.0 * bristles(q, give) + sharp * np.sign(dq)))
     scores = scores_of(evidence)
-    stood = Search(scores).judged(best_of(scores, ("presliding", "coulomb_friction") if sharp else ("presliding",)))
-    refined = fitted(evidence, scores, [cause.candidate for cause in stood])
-    told, named = without_menders(evidence, scores, stood, refined)
+    stood = best_of(scores, ("presliding", "coulomb_friction") if sharp else ("presliding",))
+    told, named = without_menders(evidence, scores, stood, fitted(evidence, scores, stood))
     assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
     assert len(named.design.candidates) == len(told)
     if names == ["coulomb_friction"]:
@@ -165,7 +162,7 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
         assert abs(level - 3.0 - sharp) < 0.1
         own = scores.owner[told[0].candidate]
         assert all(scores.owner[rival.candidate] != own for rival in told[0].alternatives)
-        assert len(told[0].alternatives) >= len(stood[0].alternatives) - 1
+        assert len(told[0].alternatives) >= len(Search(scores).judged(stood)[0].alternatives) - 1
 
 
 @pytest.mark.parametrize(
@@ -181,8 +178,8 @@ def test_a_wider_law_beside_what_mends_its_form_is_told_as_those_that_it_contain
 
     evidence = gathered(friction)
     scores = scores_of(evidence)
-    stood = Search(scores).judged(best_of(scores, ("presliding", "asymmetric_friction")))
-    told, named = without_menders(evidence, scores, stood, fitted(evidence, scores, [c.candidate for c in stood]))
+    stood = best_of(scores, ("presliding", "asymmetric_friction"))
+    told, named = without_menders(evidence, scores, stood, fitted(evidence, scores, stood))
     assert sorted(scores.hypothesis(cause.candidate).effect.name for cause in told) == names
     shaped = [named.design.hypotheses[own.hypothesis] for own in named.design.candidates]
     assert shaped == [scores.hypothesis(cause.candidate) for cause in told]

@@ -136,16 +136,14 @@ def test_a_law_without_what_it_is_named_for_gives_way_to_those_that_it_contains(
     evidence: Evidence, scores: Scores
 ) -> None:
     """A Stribeck friction that does not rise, as a grid may hold its shape and not theirs."""
-    search, names = Search(scores), ("stribeck_friction", "coulomb_friction", "viscous_friction")
+    names = ("stribeck_friction", "coulomb_friction", "viscous_friction")
     rising = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == names[0]]
     best = [
         max((k for k in rising if scores.hypothesis(k).place.joint == joint), key=lambda k: scores.gains([])[k])
         for joint in range(2)
     ]
-    causes = search.judged(best)
-    refined = fitted(evidence, scores, [cause.candidate for cause in causes])
-    found, last = simpler(evidence, scores, causes, refined)
-    told = {(scores.hypothesis(c.candidate).effect.name, scores.hypothesis(c.candidate).place.joint) for c in found}
+    found, last = simpler(evidence, scores, best, fitted(evidence, scores, best))
+    told = {((h := scores.hypothesis(k)).effect.name, h.place.joint) for k in found}
     assert told == {(name, joint) for name in names[1:] for joint in range(2)}
     assert len(last.design.candidates) == len(found)
 
@@ -174,8 +172,8 @@ def test_wider_laws_are_as_sharp_as_what_they_are_held_against(
     """An asymmetric friction is compared with a Coulomb friction, and not its sign's width with the other's."""
     monkeypatch.setattr(sharpening, "WORTH", -np.inf)
     found = searched(evidence)
-    refined = fitted(found.evidence, found.scores, [cause.candidate for cause in found.causes])
-    sharp = sharpening.sharpened(evidence, found, found.causes, refined)
+    refined = fitted(found.evidence, found.scores, found.chosen)
+    sharp = sharpening.sharpened(evidence, found, found.chosen, refined)
     assert sharp is not None
     names = [evidence.design.hypotheses[c.hypothesis].effect.name for c in evidence.design.candidates]
     changed = {
