@@ -40,16 +40,18 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
 
 
 def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
-    """The chosen with special cases in the place of a law that is, at its best shape, without what it is named for:
-    where they are as good at theirs, which a grid may not hold, and where the law is nothing but them."""
+    """The chosen with special cases in the place of a law that is, at its best shape, without what it is named for, or
+    named for no part of its own: where they are as good at theirs, which a grid may not hold, and where the law is
+    nothing but them."""
     search = Search(scores)
     for candidate in tuple(chosen):
         own = _as_named(refined, chosen.index(candidate)) if candidate in chosen else np.inf
-        if own > SIGNIFICANT:
+        special = search.special(candidate, chosen) if own <= SIGNIFICANT else []
+        if not special:
             continue
-        trial = search.ordered(search.pruned(search.special(candidate, chosen)))
+        trial = search.ordered(search.pruned(special))
         shaped = fitted(evidence, scores, trial)
-        if trial and (own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined)):
+        if own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined):
             chosen, refined = trial, shaped
     return chosen, refined
 
@@ -99,13 +101,13 @@ def _support(scores: Scores, chosen: Sequence[int], refined: Refined) -> float:
 
 
 def _as_named(refined: Refined, number: int) -> float:
-    """Standard errors by which that differs from zero without which a cause would be another law; zero where a part of
-    it is not there, or too small a part of the whole."""
+    """Standard errors by which that differs from zero without which a cause would be another law, `SIGNIFICANT` where
+    no part alone is that; zero where one of them is not there, or too small a part of the whole."""
     fitted = refined.design.candidates[number]
     effect = refined.design.hypotheses[fitted.hypothesis].effect
     named = list(effect.named_for)
     if not named:
-        return np.inf
+        return SIGNIFICANT
     value = refined.coefficients(number)
     if np.any(np.abs(value[named]) < effect.least_part * abs(value[0])):
         return 0.0

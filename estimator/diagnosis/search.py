@@ -271,9 +271,20 @@ class Search:
         held_out = self.scores.held_out(candidate, others)
         if alternatives is None:
             # A rival that fits better and was not admitted is no better than the cause.
-            near = (Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen))
+            near = [Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen)]
+            near = self._with_special(candidate, chosen, near)
             alternatives = tuple(a for a in near if self._named(a.candidate))
         return Cause(candidate, gain, false_alarm, held_out, alternatives)
+
+    def _with_special(self, candidate: int, chosen: list[int], near: list[Alternative]) -> list[Alternative]:
+        """The alternatives of a cause, nearest first: its special cases are as far behind as all of them together."""
+        special = self.special(candidate, chosen)
+        if not special:
+            return near
+        behind = max(self.scores.support(chosen) - self.scores.support(special), 0.0)
+        own = {int(self.scores.owner[k]): Alternative(k, behind) for k in special if k not in chosen}
+        anew = (min(a, own.get(int(self.scores.owner[a.candidate]), a), key=lambda one: one.gap) for a in near)
+        return sorted(anew, key=lambda one: one.gap)
 
     def _named(self, candidate: int) -> bool:
         """Whether things of its name have its shape."""

@@ -41,15 +41,16 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
 
 
 def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[int]:
-    """Of each law that contains a candidate's and is shaped by the same, as by the sharpness of a sign, the nearest
-    candidate: it is to be compared with what it contains, and not with its sharpness."""
+    """Of each law that contains a candidate's, or is contained, and is shaped by the same, as by the sharpness of a
+    sign, the nearest candidate: it is to be compared with the other, and not with its sharpness."""
     own = design.hypotheses[design.candidates[candidate].hypothesis]
-    for number, wider in enumerate(design.hypotheses):
-        if wider.place != own.place or own.effect.name not in wider.effect.contains:
+    for number, other in enumerate(design.hypotheses):
+        within = own.effect.name in other.effect.contains or other.effect.name in own.effect.contains
+        if other.place != own.place or not within:
             continue
-        if not own.effect.hidden or wider.effect.hidden != own.effect.hidden:
+        if not own.effect.hidden or other.effect.hidden != own.effect.hidden:
             continue
-        forms = [k for k, other in enumerate(design.candidates) if other.hypothesis == number]
+        forms = [k for k, form in enumerate(design.candidates) if form.hypothesis == number]
         forms = [k for k in forms if len(design.candidates[k].theta) == len(theta)]
         if forms:
             yield min(forms, key=lambda k: float(np.linalg.norm(design.candidates[k].theta - theta)))

@@ -15,7 +15,7 @@ from estimator.diagnosis.accuracy import Searched, searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.plainer import fitted, simpler
-from estimator.diagnosis.rivals import Alternative
+from estimator.diagnosis.rivals import AMBIGUOUS, Alternative
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -23,18 +23,28 @@ Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def evidence(
+def record(
     make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
-) -> Evidence:
-    """Of two joints with friction, each of three motions played twice."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
-    for motion in range(3):
-        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + 0.8 * np.sign(dq) + 0.5 * dq
-        for _ in range(2):
-            measured = q + 1e-6 * random.normal(size=q.shape)
-            recordings.append(Trajectory(t, measured, tau + 0.2 * random.normal(size=q.shape)))
-    return gather(body, recordings, 0.05)
+) -> Callable[[float], Evidence]:
+    """Of two joints with friction, and so much more of it one way, each of three motions played twice."""
+
+    def make(one_way: float) -> Evidence:
+        body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
+        for motion in range(3):
+            t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
+            friction = 0.8 * np.sign(dq) + 0.5 * dq + one_way * np.maximum(dq, 0.0)
+            tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + friction
+            for _ in range(2):
+                measured = q + 1e-6 * random.normal(size=q.shape)
+                recordings.append(Trajectory(t, measured, tau + 0.2 * random.normal(size=q.shape)))
+        return gather(body, recordings, 0.05)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def evidence(record: Callable[[float], Evidence]) -> Evidence:
+    return record(0.0)
 
 
 @pytest.fixture
@@ -132,20 +142,40 @@ def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:
     assert len(kept) == 1
 
 
-def test_a_law_without_what_it_is_named_for_gives_way_to_those_that_it_contains(
-    evidence: Evidence, scores: Scores
-) -> None:
-    """A Stribeck friction that does not rise, as a grid may hold its shape and not theirs."""
-    names = ("stribeck_friction", "coulomb_friction", "viscous_friction")
-    rising = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == names[0]]
-    best = [
-        max((k for k in rising if scores.hypothesis(k).place.joint == joint), key=lambda k: scores.gains([])[k])
+def best_of_each_joint(scores: Scores, name: str) -> list[int]:
+    own = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == name]
+    return [
+        max((k for k in own if scores.hypothesis(k).place.joint == joint), key=lambda k: scores.gains([])[k])
         for joint in range(2)
     ]
+
+
+@pytest.mark.parametrize("wide", ["stribeck_friction", "asymmetric_friction"])
+def test_a_law_without_what_it_is_named_for_gives_way_to_those_that_it_contains(
+    evidence: Evidence, scores: Scores, wide: str
+) -> None:
+    """A Stribeck friction that does not rise, and one that is the same both ways, as a grid may hold its shape and not
+    theirs."""
+    best = best_of_each_joint(scores, wide)
     found, last = simpler(evidence, scores, best, fitted(evidence, scores, best))
     told = {((h := scores.hypothesis(k)).effect.name, h.place.joint) for k in found}
-    assert told == {(name, joint) for name in names[1:] for joint in range(2)}
+    assert told == {(name, joint) for name in ("coulomb_friction", "viscous_friction") for joint in range(2)}
     assert len(last.design.candidates) == len(found)
+
+
+def test_what_a_law_contains_is_an_alternative_as_all_of_it_together_is(
+    evidence: Evidence, record: Callable[[float], Evidence]
+) -> None:
+    """A friction that is the same both ways, and one that grows more than twice as much with speed one way."""
+    for own, near in ((evidence, True), (record(0.6), False)):
+        scores = Scores(own.design, own.blocks, own.folds)
+        for cause in Search(scores).judged(best_of_each_joint(scores, "asymmetric_friction")):
+            place = scores.hypothesis(cause.candidate).place
+            told = [(scores.hypothesis(a.candidate), a.gap) for a in cause.alternatives]
+            gaps = {h.effect.name: gap for h, gap in told if h.place == place}
+            for name in ("coulomb_friction", "viscous_friction"):
+                assert (gaps[name] < AMBIGUOUS) is near
+            assert [gap for _, gap in told] == sorted(gap for _, gap in told)
 
 
 def test_what_stood_does_not_fall_by_a_sharper_shape(evidence: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,12 +196,16 @@ def test_what_stood_does_not_fall_by_a_sharper_shape(evidence: Evidence, monkeyp
     assert judging.judge(evidence).chosen == stood
 
 
+@pytest.mark.parametrize("wide", [False, True])
 def test_wider_laws_are_as_sharp_as_what_they_are_held_against(
-    evidence: Evidence, monkeypatch: pytest.MonkeyPatch
+    evidence: Evidence, monkeypatch: pytest.MonkeyPatch, wide: bool
 ) -> None:
-    """An asymmetric friction is compared with a Coulomb friction, and not its sign's width with the other's."""
+    """An asymmetric friction is compared with a Coulomb friction, and not its sign's width with the other's, whichever
+    of them stands."""
     monkeypatch.setattr(sharpening, "WORTH", -np.inf)
     found = searched(evidence)
+    if wide:
+        found = replace(found, chosen=best_of_each_joint(found.scores, "asymmetric_friction"))
     refined = fitted(found.evidence, found.scores, found.chosen)
     sharp = sharpening.sharpened(evidence, found, found.chosen, refined)
     assert sharp is not None
