@@ -9,7 +9,7 @@ from itertools import combinations
 from estimator.diagnosis.admission import RECURRING, Admission
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.lack_of_fit import left_to_see
-from estimator.diagnosis.rivals import Alternative, rivals
+from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals
 from estimator.diagnosis.scores import BORNE_OUT, Scores
 from estimator.effects import Law
 
@@ -199,11 +199,15 @@ class Search:
         """Without causes that the others have made superfluous or impossible, the least supported first."""
         while wrong := self.admission.beyond_limits(chosen, slack=1.0):
             chosen = self._possible(chosen, wrong[0])
-        while len(chosen) > 1:
+        return self._without_superfluous(chosen, least=0.0)
+
+    def _without_superfluous(self, chosen: list[int], least: float) -> list[int]:
+        """Without causes that the model hardly needs, by ``least`` nats of support, the least needed first."""
+        while chosen:
             whole = self.scores.support(chosen)
             loss = {k: whole - self.scores.support([c for c in chosen if c != k]) for k in chosen}
             weakest = min(loss, key=lambda k: loss[k])
-            if loss[weakest] > 0.0:
+            if loss[weakest] > least:
                 break
             chosen = [c for c in chosen if c != weakest]
         return chosen
@@ -246,9 +250,11 @@ class Search:
         return chosen
 
     def _telling(self, chosen: list[int]) -> list[int]:
-        """Without causes that explain a trifle of what any model could, or of the noise, wherever they act: they mend
-        the others' forms, or the noise's, and their names would mislead. A cause that explains all but the noise of
-        what is left without it is none of these. All orders of a periodic law are judged as one."""
+        """Without causes in whose stead nothing is as good, and without those that explain a trifle of what any model
+        could, or of the noise, wherever they act: they mend the others' forms, or the noise's, and their names would
+        mislead. A cause that explains all but the noise of what is left without it is none of these. All orders of a
+        periodic law are judged as one."""
+        chosen = self._without_superfluous(chosen, least=AMBIGUOUS)
         misfit = left_to_see(self.scores, chosen)
         while chosen:
             told = {k: self.admission.told(k, chosen, misfit) for k in chosen}

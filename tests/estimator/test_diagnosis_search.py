@@ -142,6 +142,20 @@ def test_of_two_causes_that_tell_the_same_one_stays(scores: Scores) -> None:
     assert len(kept) == 1
 
 
+def test_a_cause_in_whose_stead_nothing_is_as_good_is_not_told(scores: Scores, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However well it stands otherwise; alone or beside another."""
+    sure, unsure = 0, 1
+
+    def support(_: Scores, chosen: Sequence[int]) -> float:
+        return 50.0 * (sure in chosen) + (AMBIGUOUS - 0.5) * (unsure in chosen)
+
+    monkeypatch.setattr(Scores, "support", support)
+    monkeypatch.setattr(Admission, "told", lambda *_: 2.0)
+    search = Search(scores)
+    assert search._telling([sure, unsure]) == [sure]
+    assert search._telling([unsure]) == []
+
+
 def best_of_each_joint(scores: Scores, name: str) -> list[int]:
     own = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == name]
     return [
