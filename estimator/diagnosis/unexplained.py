@@ -9,6 +9,7 @@ from estimator.diagnosis.answer import Finding, Unexplained
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.ringing import ringing
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import torque_channels
 from estimator.effects import catalogue
@@ -42,7 +43,7 @@ def unexplained_by(
         share = float(min(left / max(before[channel] - noise, left, scores.noise_error), 1.0))
         if (told and share > FORM) or left > max(SIGNIFICANT * scores.noise_error, VISIBLE):
             result[joint] = Unexplained(
-                share, _signature(scores, misfit.candidate) if told else "of no single quantity"
+                share, _signature(scores, misfit.candidate) if told else _of_time(evidence, refined, channel)
             )
     refused = Admission(scores).one_sided(chosen) if evidence.noise.playings else None
     if refused is not None:
@@ -56,6 +57,11 @@ def unexplained_by(
         if share > FORM:
             result.setdefault(evidence.grid.channels[channel].index, left)
     return result | without_name(nameless)
+
+
+def _of_time(evidence: Evidence, refined: Refined, channel: int) -> str:
+    line = ringing(evidence, refined, channel)
+    return "of no single quantity" if line is None else f"ringing at {line:.2g} Hz, as of a load that swings"
 
 
 def without_name(nameless: Sequence[Finding]) -> dict[int, Unexplained]:
