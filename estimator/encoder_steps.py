@@ -59,7 +59,7 @@ def _steps(q: Array) -> Array:
     result = np.zeros(q.shape[1])
     for joint, angles in enumerate(q.T):
         moved = np.abs(np.diff(angles[np.isfinite(angles)]))
-        moved = moved[moved > 1e-12 * max(float(np.abs(angles).max()), 1.0)]
+        moved = moved[moved > 1e-12 * max(float(np.nanmax(np.abs(angles), initial=0.0)), 1.0)]
         if not len(moved) or moved.max() > _MOST_STEPS * moved.min():
             continue
         step = float(moved.min())

@@ -3,17 +3,21 @@
 from estimator.plausibility.cut_off import cut_off, dead
 from estimator.plausibility.doubt import Doubt, Kind
 from estimator.plausibility.examine import examine, examine_motion, without_unusable_torques
+from estimator.plausibility.leaps import about, leaps, turns
 from estimator.plausibility.poor_motion import missing_motions
 from estimator.plausibility.wrench import readable_wrench
 
 __all__ = [
     "Doubt",
     "Kind",
+    "about",
     "cut_off",
     "dead",
     "examine",
     "examine_motion",
+    "leaps",
     "missing_motions",
     "readable_wrench",
+    "turns",
     "without_unusable_torques",
 ]

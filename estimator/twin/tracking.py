@@ -105,10 +105,13 @@ def mean_inertia(body: RigidBody, q: Array) -> Array:
 
 
 def velocities(trajectory: Trajectory) -> Array:
-    """(samples, n) rad/s as measured, else the slope of the angles."""
+    """(samples, n) rad/s as measured, else the slope of the angles; NaN in gaps."""
     if trajectory.dq is not None:
         return trajectory.dq
-    return np.asarray(np.gradient(trajectory.q, trajectory.t, axis=0))
+    result = np.full(trajectory.q.shape, np.nan)
+    for rows in trajectory.segments(trajectory.samples, 0):
+        result[rows] = np.gradient(trajectory.q[rows], trajectory.t[rows], axis=0)
+    return result
 
 
 def _late(t: Array, channel: Array, by: float) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimator.excitation import MotionLimits
 from estimator.rigid_body import RigidBody
+from estimator.rows import CHUNK
 from estimator.trajectory import Trajectory
 from service.identification.designed_motion import limits_of
 from service.identification.read import ReadRecordings
@@ -57,11 +58,12 @@ def _of_urdf(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[Motio
 def _fastest(trajectories: Sequence[Trajectory]) -> tuple[Array, Array]:
     """(n,) highest speed and acceleration of recorded motions, over a tenth of a second."""
     speeds, bends = [], []
-    for trajectory in trajectories:
-        t = np.arange(trajectory.t[0], trajectory.t[-1], 0.1)
-        q = np.stack([np.interp(t, trajectory.t, column) for column in trajectory.q.T], axis=1)
+    pieces = [(trajectory, piece) for trajectory in trajectories for piece in trajectory.segments(CHUNK, 0)]
+    for trajectory, piece in pieces:
+        t = np.arange(trajectory.t[piece[0]], trajectory.t[piece[-1]], _STEP_S)
         if len(t) < 4:
             continue
+        q = np.stack([np.interp(t, trajectory.t[piece], column) for column in trajectory.q[piece].T], axis=1)
         dq = np.gradient(q, t, axis=0)
         speeds.append(np.abs(dq).max(axis=0))
         bends.append(np.abs(np.gradient(dq, t, axis=0)).max(axis=0))

@@ -16,6 +16,7 @@ from estimator.plausibility import readable_wrench
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
+from service.identification.continuous import continuous
 from service.identification.examined import examined
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 from service.identification.request import LoadRequest
@@ -77,6 +78,8 @@ def read_load_sources(request: LoadRequest, paths: Sequence[Path]) -> LoadSource
         read.append(recording)
     assert arm is not None
     assert body is not None
+    read, mended = continuous(read, body)
+    notes += mended
     links = [f.name for f in body.model.frames][1:]
     told = read[0].wrench_frame if read[0].wrench_frame in links else None
     frame = request.frame or told or _configured_frame(arm, read[0].installation)

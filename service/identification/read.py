@@ -11,6 +11,7 @@ from driver.recording import Recording
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
+from service.identification.continuous import continuous
 from service.identification.examined import examined
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 
@@ -54,7 +55,6 @@ def read_recordings(
     arm = arm_source(arm_named) if arm_named is not None else None
     body: RigidBody | None = None
     sources: list[Source] = []
-    read: list[Trajectory] = []
     whole: list[Recording] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
@@ -67,10 +67,12 @@ def read_recordings(
         notes += [f"{path.name}: {note}" for note in recording.notes]
         sources.append(source_of(path, recording))
         _once(path, sources, len(recordings))
-        read.append(trajectory_of(recording, body, str(path)))
         whole.append(recording)
     assert arm is not None
     assert body is not None
+    whole, mended = continuous(whole, body)
+    notes += mended
+    read = [trajectory_of(recording, body, str(path)) for recording, path in zip(whole, paths, strict=True)]
     if body.held:
         held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
         notes.append(f"joints of the URDF that were not recorded are held still: {held}")

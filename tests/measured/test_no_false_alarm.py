@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.measured import ADAPTORS, is_here, panda, whole_panda
-from estimator.plausibility import examine, without_unusable_torques
+from estimator.plausibility import examine, leaps, turns, without_unusable_torques
 
 DEAD = {"kinova_gen3": [("dead torque channel", ("joint_1",))]}
 """The torque sensor of joint 1 says zero throughout the Kinova's RunTrajectory1: no false alarm."""
@@ -23,6 +23,17 @@ def test_measured_recordings_are_not_doubted(folder: str) -> None:
     assert [(doubt.kind, doubt.joints) for doubt in doubts] == DEAD.get(folder, [])
     assert examine(arm.body, usable) == []
     assert examine(arm.body, usable, believed=True) == []
+
+
+@pytest.mark.parametrize("folder", ADAPTORS)
+def test_measured_angles_do_not_leap(folder: str) -> None:
+    if not is_here(folder):
+        pytest.skip(f"{folder} is not in ../shared/data")
+    for recording in ADAPTORS[folder]().recordings.values():
+        for angle in recording.q.T:
+            assert leaps(recording.t, angle).size == 0
+            assert not np.any(turns(angle) > 0.0)
+            assert not np.any(turns(angle) < 0.0)
 
 
 def test_a_measured_recording_with_joints_out_of_order() -> None:

@@ -12,7 +12,7 @@ from estimator.effects import Place
 from estimator.rigid_body import RigidBody, load_rigid_body
 from estimator.trajectory import Trajectory
 from estimator.twin.replay import replay
-from estimator.twin.tracking import Tracking, estimated_servo, torque_replay
+from estimator.twin.tracking import Tracking, estimated_servo, torque_replay, velocities
 
 Array = NDArray[np.float64]
 
@@ -133,3 +133,15 @@ def test_parameters_that_no_body_has_are_simulated_by_their_base_parameters(whee
     recorded, servo = held_at(0.0, 1.0)
     found = replay(ArmModel(wheel.with_parameters(impossible)), recorded, servo)
     np.testing.assert_allclose(found.q[:, 0], released(found.t, INERTIA, DAMPING), atol=5e-3)
+
+
+def test_a_gap_s_neighbours_have_speeds_of_their_own() -> None:
+    """Where none were measured."""
+    t = np.arange(200) / 100.0
+    q = np.column_stack([3.0 * t, -t])
+    q[100:110] = np.nan
+    q[110:] += 0.5
+    speeds = velocities(Trajectory(t, q, np.zeros_like(q)))
+    there = np.isfinite(q).all(axis=1)
+    assert np.array_equal(np.isfinite(speeds).all(axis=1), there)
+    np.testing.assert_allclose(speeds[there], np.tile([3.0, -1.0], (there.sum(), 1)), atol=1e-9)
