@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -38,6 +40,13 @@ def test_all_kinds_are_told_by_joint(dda: RigidBody) -> None:
 def test_recordings_are_taken_together(dda: RigidBody) -> None:
     """What one recording lacks, another may have."""
     assert missing_motions(dda, [recorded(RAMP, SWEEP, 0.0 * T), recorded(-0.7 * RAMP, 0.0 * T, SWEEP)]) == []
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e9])
+def test_times_that_are_not_in_seconds(dda: RigidBody, unit: float) -> None:
+    right = recorded(SWEEP, 0.5 * SWEEP, 2.0 * SWEEP)
+    with pytest.raises(InputError, match="s apart, too far for any motion; give times in seconds"):
+        missing_motions(dda, [replace(right, t=unit * right.t)])
 
 
 def test_where_nothing_moves_nothing_is_judged(dda: RigidBody) -> None:
