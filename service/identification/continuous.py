@@ -93,7 +93,7 @@ def _without_leaps(recording: Recording, body: RigidBody) -> list[str]:
         told = _told(recording, joint, column, "rad" if axis.revolute else "m", places)
         if np.mean(hurt) > _MOST:
             raise InputError(
-                str(recording.path), f"{told}, as no joint moves", "leave the damaged samples empty, or record anew"
+                str(recording.path), f"{told}, as no joint moves", "repair that angle, or cut the recording there"
             )
         notes.append(f"{recording.path.name}: {told}, as no joint moves: what lies about it is left out")
         damaged |= hurt
