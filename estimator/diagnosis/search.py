@@ -213,10 +213,13 @@ class Search:
         return chosen
 
     def _possible(self, chosen: list[int], beyond: int) -> list[int]:
-        """Without a cause that is ``beyond`` its limits; or, where that is better supported, without another of its
-        place that drove it there: of two frictions, the one that takes what is not there of the other."""
+        """Without a cause that is ``beyond`` its limits; or, where that is better supported, with what it contains in
+        its place, or without another of its place that drove it there: of two frictions, the one that takes what is
+        not there of the other."""
         place = self.scores.hypothesis(beyond).place
         trials = [[c for c in chosen if c != k] for k in chosen if self.scores.hypothesis(k).place == place]
+        if special := self.special(beyond, chosen):
+            trials.append(special)
         allowed = [t for t in trials if beyond not in t or beyond not in self.admission.beyond_limits(t, slack=1.0)]
         return max(allowed, key=self.scores.support)
 
