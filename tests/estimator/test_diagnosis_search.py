@@ -250,3 +250,18 @@ def test_a_shape_that_no_thing_of_its_name_has_is_no_alternative(
     monkeypatch.setattr(search, "rivals", both)
     (cause,) = Search(scores).judged([forms[0.03]])
     assert [a.candidate for a in cause.alternatives] == [forms[0.03]]
+
+
+def test_a_law_beyond_its_limits_leaves_what_it_contains_in_its_place(
+    scores: Scores, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A Stribeck friction that falls towards rest instead of rising, by a trifle, is the joint's friction still."""
+    wide, elsewhere = best_of_each_joint(scores, "stribeck_friction")
+
+    def beyond(_: Admission, chosen: Sequence[int], slack: float) -> list[int]:
+        return [wide] if wide in chosen else []
+
+    monkeypatch.setattr(Admission, "beyond_limits", beyond)
+    kept = Search(scores).pruned([wide, elsewhere])
+    told = {((h := scores.hypothesis(k)).effect.name, h.place.joint) for k in kept}
+    assert told == {("coulomb_friction", 0), ("viscous_friction", 0), ("stribeck_friction", 1)}
