@@ -28,10 +28,10 @@ def limits_and_home(read: ReadRecordings) -> tuple[MotionLimits | None, Array]:
     installation = read.arm.installation
     if installation is not None and read.body.joints == installation.joint_names:
         return limits_of(installation, read.body), np.array(installation.arm.home_rad)
-    return _of_urdf(read.body, read.trajectories)
+    return limits_of_urdf(read.body, read.trajectories)
 
 
-def _of_urdf(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[MotionLimits | None, Array]:
+def limits_of_urdf(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[MotionLimits | None, Array]:
     """A URDF has no accelerations, and continuous joints no range: there the recordings say what the arm may do."""
     model = body.model
     q = np.concatenate([trajectory.q for trajectory in trajectories])
