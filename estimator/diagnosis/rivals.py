@@ -70,7 +70,7 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
     scores = admission.scores
     instead = _instead(admission, rival, [c for c in chosen if c != candidate])
     whole = _with_all_parts(admission, rival, chosen)
-    more = _explained(scores, instead) - _explained(scores, whole)
+    more = scores.nats(instead) - scores.nats(whole)
     freedom = sum(map(scores.size, instead)) - sum(map(scores.size, whole))
     gap += max(scores.support(whole) - scores.support(chosen), 0.0)
     if not admission.contained(candidate, rival) or _made_with(scores, rival, chosen):
@@ -167,7 +167,3 @@ def _made_with(scores: Scores, candidate: int, chosen: Sequence[int]) -> set[int
     return {
         c for c in chosen if (h := scores.hypothesis(c)).place == own.place and h.effect.name in own.effect.made_with
     }
-
-
-def _explained(scores: Scores, chosen: list[int]) -> float:
-    return scores.support(chosen) + scores.penalty(chosen)

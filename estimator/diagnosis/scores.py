@@ -98,7 +98,7 @@ class Scores:
 
     def _forget(self) -> None:
         """At other weights nothing that was worked out holds any longer."""
-        self._supports: dict[frozenset[int], float] = {}
+        self._nats: dict[frozenset[int], float] = {}
         self._gains: dict[frozenset[int], Array] = {}
         self._held_out: dict[tuple[int, frozenset[int]], tuple[float, float]] = {}
         self._recurring: dict[tuple[int, frozenset[int]], float] = {}
@@ -145,19 +145,22 @@ class Scores:
 
     def support(self, chosen: Sequence[int]) -> float:
         """Log-likelihood of a model above the given one's, less its penalty."""
+        return self.nats(chosen) - self.penalty(chosen)
+
+    def nats(self, chosen: Sequence[int]) -> float:
+        """Log-likelihood of a model above the given one's, up to a constant."""
         key = frozenset(chosen)
-        if key not in self._supports:
+        if key not in self._nats:
             model = self.model(chosen)
-            explained = float(0.5 * (model.right[model.active] @ model.value))
-            self._supports[key] = explained - self.penalty(chosen)
-        return self._supports[key]
+            self._nats[key] = float(0.5 * (model.right[model.active] @ model.value))
+        return self._nats[key]
 
     def explained(self, causes: Sequence[int], others: Sequence[int]) -> Array:
         """(channels,) of the noise's variance, what ``causes`` explain beside ``others``: in residual, and in what the
         given model would have to leave its tolerance in their stead, told of the channels that they enter."""
         both, weights = [*others, *causes], self.weights
         less = (self.model(others).squares() - self.model(both).squares()) / self.total.rows
-        gain = self.support(both) + self.penalty(both) - self.support(others) - self.penalty(others)
+        gain = self.nats(both) - self.nats(others)
         bent = max(2.0 * gain / self.total.rows - float(weights @ less), 0.0)
         channels = sorted({channel for k in causes for channel in self.design.candidates[k].channels})
         less[channels] += bent / float(weights[channels].sum())

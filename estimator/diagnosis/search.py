@@ -77,8 +77,8 @@ class Search:
 
     def ordered(self, chosen: Sequence[int]) -> list[int]:
         """These candidates joint by joint, that without which most is lost first, and so within a joint."""
-        whole = self._explained(chosen)
-        lost = {k: whole - self._explained([c for c in chosen if c != k]) for k in chosen}
+        whole = self.scores.nats(chosen)
+        lost = {k: whole - self.scores.nats([c for c in chosen if c != k]) for k in chosen}
         most: dict[int | None, float] = {}
         for k in chosen:
             most[self._joint(k)] = max(lost[k], most.get(self._joint(k), 0.0))
@@ -267,10 +267,6 @@ class Search:
             # One after the other: of two that tell the same, each alone is a trifle beside the other.
             chosen = [c for c in chosen if self.scores.owner[c] != self.scores.owner[least]]
         return chosen
-
-    def _explained(self, chosen: Sequence[int]) -> float:
-        """nats"""
-        return self.scores.support(chosen) + self.scores.penalty(chosen)
 
     def _judged(self, candidate: int, chosen: list[int], alternatives: tuple[Alternative, ...] | None) -> Cause:
         others = [c for c in chosen if c != candidate]

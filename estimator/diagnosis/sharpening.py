@@ -28,7 +28,7 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
     """``evidence``, in which the ``chosen`` were ``found``, with the shapes of ``refined`` in the place of theirs; None
     where they explain hardly more."""
     scores = found.scores
-    if refined.explained < scores.support(chosen) + scores.penalty(chosen) + WORTH:
+    if refined.explained < scores.nats(chosen) + WORTH:
         return None
     candidates, changed = list(evidence.design.candidates), set(chosen)
     for k, fitted in zip(chosen, refined.design.candidates, strict=True):

@@ -105,5 +105,6 @@ def _told(recording: Recording, joint: str, column: int, unit: str, places: NDAr
     first = int(places[0])
     before = recording.q[:first, column]
     size = abs(float(recording.q[first, column] - before[np.isfinite(before)][-1]))
-    more = f", and {len(places) - 1} more times" if len(places) > 1 else ""
+    again = len(places) - 1
+    more = "" if not again else ", and once more" if again == 1 else f", and {again} more times"
     return f"{joint} leaps by {size:.2g} {unit} from one sample to the next at {recording.t[first]:.2f} s{more}"

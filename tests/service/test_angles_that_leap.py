@@ -89,7 +89,7 @@ def test_what_lies_about_a_leap_is_left_out(
     own.q[sample, column] += size
     (mended,), (note,) = continuous([own], body)
     assert note.startswith(f"run.csv: {own.joints[column]} leaps by {size:.2g} {unit}")
-    assert f"at {own.t[sample]:.2f} s, and 1 more times" in note
+    assert f"at {own.t[sample]:.2f} s, and once more" in note
     missing = np.isnan(mended.q).all(axis=1)
     assert missing[sample]
     assert 4 < missing.sum() < 20
