@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Channel, Stretch
+from estimator.diagnosis.turning import settled
 from estimator.effects import Law, Place, Scales, Signals
 from estimator.filtering import Decimator
 from estimator.rigid_body import RigidBody
@@ -177,7 +178,13 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
     decimate = Decimator(decimation)
     rows = max(-(-stretch.signals.samples // decimation) - noise.past, 0)
     sinks = [
-        _Sink(channel, decimate, noise, np.empty((len(members) + 1, rows)))
+        _Sink(
+            channel,
+            decimate,
+            noise,
+            np.empty((len(members) + 1, rows)),
+            noise.of_turns(channel, stretch.signals.q, decimation),
+        )
         for channel, members in enumerate(design.members)
     ]
     for channel, columns in _columns(design, stretch.signals):
@@ -192,9 +199,9 @@ class _Sink:
     """Takes one channel's columns as they are made and keeps what the filters leave: the columns themselves live no
     longer than in the processor's cache."""
 
-    def __init__(self, channel: int, decimate: Decimator, noise: Noise, rows: Array) -> None:
+    def __init__(self, channel: int, decimate: Decimator, noise: Noise, rows: Array, turns: Array | None) -> None:
         self.rows = rows
-        self._channel, self._decimate, self._noise = channel, decimate, noise
+        self._channel, self._decimate, self._noise, self._turns = channel, decimate, noise, turns
         self._filled = self._count = 0
         self._waiting: list[Array] = []
 
@@ -209,7 +216,7 @@ class _Sink:
         """What is waiting."""
         if self._waiting:
             whole = self._noise.whiten(self._channel, self._decimate(np.concatenate(self._waiting)))
-            self.rows[self._filled : self._filled + len(whole)] = whole
+            self.rows[self._filled : self._filled + len(whole)] = settled(self._turns, whole)
             self._filled += len(whole)
             self._count = 0
             self._waiting.clear()
@@ -244,4 +251,8 @@ def candidate_rows(
 ) -> list[Array]:
     """For each channel that a candidate enters (c, rows): its whitened columns."""
     decimate, columns = Decimator(decimation), candidate_columns(design, candidate, stretch.signals)
-    return [noise.whiten(channel, decimate(columns[:, row].T)) for row, channel in enumerate(candidate.channels)]
+    result = []
+    for row, channel in enumerate(candidate.channels):
+        turns = noise.of_turns(channel, stretch.signals.q, decimation)
+        result.append(settled(turns, noise.whiten(channel, decimate(columns[:, row].T))))
+    return result

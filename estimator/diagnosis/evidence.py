@@ -13,6 +13,7 @@ from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.first_body import first_body, has_bodies
+from estimator.diagnosis.first_look import with_turns
 from estimator.diagnosis.folds import folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -111,6 +112,7 @@ def weighed(
             [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
             unseen + exact,
         )
+    noise = with_turns(design, pieces, decimations, noise)
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

@@ -64,11 +64,7 @@ def judge(evidence: Evidence) -> Judged:
         sharp = sharpened(evidence, found, stood, refined)
         if sharp is None:
             break
-        again = searched(sharp, replace(found, chosen=stood))
-        # What stood, and explains even more with a sharper shape, does not fall by it.
-        if again.scores.support(stood) > again.scores.support(again.chosen) + WORTH:
-            break
-        evidence, found = sharp, again
+        evidence, found = sharp, _with_what_stood(searched(sharp, replace(found, chosen=stood)), stood)
         stood, refined = _standing(found)
     scores = found.scores
     if found.widest is not scores:
@@ -89,6 +85,17 @@ def judge(evidence: Evidence) -> Judged:
         nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
         named=named.only([number for number, is_known in enumerate(known) if is_known]),
     )
+
+
+def _with_what_stood(found: Searched, stood: list[int]) -> Searched:
+    """What was found with sharper shapes, and beside it what stood before: where that explains even more with a sharper
+    shape, it does not fall by it."""
+    scores = found.scores
+    if scores.support(stood) <= scores.support(found.chosen) + WORTH:
+        return found
+    own = {int(scores.owner[k]) for k in found.chosen}
+    fallen = [k for k in stood if int(scores.owner[k]) not in own or scores.recurs(k)]
+    return replace(found, chosen=Search(scores).pruned(list(dict.fromkeys([*found.chosen, *fallen]))))
 
 
 def _standing(found: Searched) -> tuple[list[int], Refined]:

@@ -6,13 +6,16 @@ with variance one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import correlate1d
+
+from estimator.diagnosis.turning import Spread, Turning, factor
+from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]
 
@@ -41,6 +44,8 @@ class Noise:
     have in common more than once. One without such errors."""
     past: int = ORDER
     """Rows before each that the filters look at."""
+    turning: Mapping[int, Turning] = field(default_factory=dict)
+    """By channel, errors of reversals beside this noise, where there are any."""
 
     @property
     def likely(self) -> Array:
@@ -59,6 +64,20 @@ class Noise:
         taps = self.filters[channel, self.past :: -1]
         centre = len(taps) // 2
         return np.asarray(correlate1d(rows, taps, axis=-1)[..., centre : centre + max(rows.shape[-1] - self.past, 0)])
+
+    def spread(self, channel: int, decimation: int) -> Spread:
+        """Of errors in single samples over a channel's rows."""
+        decimate = Decimator(decimation)
+        return Spread(lambda samples: self.whiten(channel, decimate(samples)), decimation)
+
+    def of_turns(self, channel: int, q: Array, decimation: int) -> Array | None:
+        """What `turning.settled` takes, of a channel's rows during a motion with these angles (samples, n); None where
+        they are white as they are."""
+        turning = self.turning.get(channel)
+        rows = -(-len(q) // decimation) - self.past
+        if turning is None or rows <= 0:
+            return None
+        return factor(self.spread(channel, decimation).covariance(turning.variance(q), rows))
 
 
 def autoregressive(autocovariance: Array, rows: float, most: int = ORDER) -> Array:
