@@ -28,6 +28,8 @@ _WORTH = 10.0
 """nats by which errors of reversals must make a residual more likely."""
 _BLOCKS = 32
 """Rows either side of a sample within which its error is spread."""
+_MOST = 1e10
+"""Of the noise's variance: beside more, it would be lost in rounding."""
 _NOTHING = 1e-6
 """Of the largest response: rows that a sample's error does not reach."""
 
@@ -48,12 +50,10 @@ class Turning:
 
 
 def near_turns(q: Array, way: float) -> Array:
-    """(samples,) one where angles (samples,) turn, and falling with the ``way`` from there; everywhere one where they
-    never change."""
+    """(samples,) one where angles (samples,) turn, and falling with the ``way`` from there; zero where they never
+    do."""
     step = np.sign(np.diff(q))
     moving = np.flatnonzero(step)
-    if not len(moving):
-        return np.ones(len(q))
     turns = moving[1:][step[moving[1:]] != step[moving[:-1]]]
     if not len(turns):
         return np.zeros(len(q))
@@ -126,12 +126,15 @@ def most_likely(
             spread.covariance(near_turns(q, way) ** 2, len(r))
             for spread, q, r in zip(spreads, angles, residuals, strict=True)
         ]
-        for error in np.array(SHARES) * friction:
+        loudest = max(float(unit[0].max()) for unit in units)
+        for error in (share * friction for share in SHARES):
+            if error**2 * loudest > _MOST:
+                break
             factors = [factor(error**2 * unit) for unit in units]
             power = sum(float(np.sum(settled(f, r[None]) ** 2)) for f, r in zip(factors, residuals, strict=True))
             narrowed = sum(float(np.sum(np.log(f[0]))) for f in factors)
             # The rest of the noise is as large as it comes out: what is far from all turns is nothing of theirs.
             nats = -0.5 * count * np.log(power / count) - narrowed
             if nats > best:
-                best, found = nats, (float(error) * np.sqrt(power / count), float(way))
+                best, found = nats, (error * float(np.sqrt(power / count)), float(way))
     return found
