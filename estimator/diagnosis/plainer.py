@@ -60,8 +60,12 @@ def without_menders(
     evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined
 ) -> tuple[list[Cause], Refined]:
     """The causes as they are told, the rest of them as they stand: a law that only mends the form of what it contains
-    (`Law.mends_below`) is told as that, with the alternatives that it had and those that have the plainer law's."""
+    (`Law.mends_below`) is told as that, with the alternatives that it had and those that have the plainer law's. A law
+    that stands at two shapes mends its own form, and is told once."""
     search = Search(scores)
+    once = [k for n, k in enumerate(chosen) if scores.recurs(k) or not _stands_before(scores, chosen[:n], k)]
+    if once != chosen:
+        chosen, refined = once, fitted(evidence, scores, once)
     causes = search.judged(chosen)
     alternatives = {cause.candidate: cause.alternatives for cause in causes}
     for cause, own in zip(causes, refined.design.candidates, strict=True):
@@ -93,6 +97,10 @@ def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
     """Whether a law of the mender's place is, or contains, one that the mender contains."""
     own, other = (search.scores.hypothesis(k) for k in (candidate, mender))
     return own.place == other.place and bool({own.effect.name, *own.effect.contains} & set(other.effect.contains))
+
+
+def _stands_before(scores: Scores, before: Sequence[int], candidate: int) -> bool:
+    return bool(np.any(scores.owner[list(before)] == scores.owner[candidate]))
 
 
 def _support(scores: Scores, chosen: Sequence[int], refined: Refined) -> float:

@@ -138,14 +138,13 @@ class Search:
 
     def _parts(self, names: Sequence[str], candidate: Candidate, others: Sequence[int]) -> list[int]:
         """The candidates of these effects at the same place that add most to the others, each beside the rest of them:
-        how sharp a Coulomb friction's sign is shows only beside the viscous one. Empty where one is among the others
-        already, or is none."""
-        there = set(self.scores.owner[list(others)])
+        how sharp a Coulomb friction's sign is shows only beside the viscous one. None of those that are chosen there
+        already, but at another shape: how a joint turns round, no single one may tell. Empty where there are none."""
         parts: dict[str, int] = {}
         for name in names if len(names) == 1 else (*names, *names):
             rest = [*others, *(part for own, part in parts.items() if own != name)]
             best = self._best_of(name, candidate, rest)
-            if best is None or self.scores.owner[best] in there:
+            if best is None or best in others:
                 return []
             parts[name] = best
         return list(parts.values())

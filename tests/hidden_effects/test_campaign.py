@@ -119,8 +119,9 @@ def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
         Plan(20, SEED, "dda", (), 0.0, 0.03, SECONDS, friction=4.0),
         Plan(22, SEED, "dda", ("cogging",), 1.0, 0.03, SECONDS, friction=4.0),
         Plan(2, 3141, "puma600", ("torque_ripple",), 0.8, 0.05, SECONDS, friction=4.0),
+        Plan(2, 14427, "seven", ("encoder_eccentricity",), 0.8, 0.0, SECONDS, friction=30.0),
     ],
-    ids=lambda plan: "+".join(plan.kinds) or "friction alone",
+    ids=lambda plan: f"{'+'.join(plan.kinds) or 'nothing'} beside {plan.friction:g} times the noise",
 )
 def test_what_friction_of_every_joint_hides_is_named_and_nothing_else(plan: Plan) -> None:
     result = judged(plan, in_process)
