@@ -51,7 +51,7 @@ def _experiments(options: argparse.Namespace) -> int:
     plans = [plan for plan in drawn if len(plan.kinds) == 1 and plan.kinds[0] in CATALOGUE][: options.experiments]
     if options.arm:
         plans = [replace(plan, arm=options.arm) for plan in plans]
-    plans = [replace(plan, seconds=options.seconds) for plan in plans]
+    plans = [replace(plan, seconds=options.seconds, friction=options.friction) for plan in plans]
     cases = []
     with ProcessPoolExecutor(options.processes) as pool:
         for plan, case in zip(plans, pool.map(decided, plans), strict=True):

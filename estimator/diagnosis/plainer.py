@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -90,7 +91,31 @@ def without_menders(
                     instead, shaped = trial, fewer
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)
-    return search.judged(chosen, alternatives), refined
+    return _agreed(scores, search.judged(chosen, alternatives)), refined
+
+
+def _agreed(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
+    """The causes with a law that could stand for two of a place as far behind the one as behind the other, where it is
+    known what it usually has beside that (`Law.typical`): a rise from rest is one of a dry friction, and where that has
+    none, the viscous one beside it has none."""
+    behind = {
+        (cause.candidate, int(scores.owner[other.candidate])): other.gap
+        for cause in causes
+        for other in cause.alternatives
+    }
+    result = []
+    for cause in causes:
+        own = scores.hypothesis(cause.candidate)
+        there = [c.candidate for c in causes if scores.hypothesis(c.candidate).place == own.place]
+        told = []
+        for other in cause.alternatives:
+            law, place = (h := scores.hypothesis(other.candidate)).effect, h.place
+            usual = [k for k in there if scores.hypothesis(k).effect.name in law.typical]
+            if place == own.place and own.effect.name in law.contains and own.effect.name not in law.typical and usual:
+                other = replace(other, gap=behind.get((usual[0], int(scores.owner[other.candidate])), other.gap))
+            told.append(other)
+        result.append(replace(cause, alternatives=tuple(sorted(told, key=lambda one: one.gap))))
+    return result
 
 
 def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:

@@ -16,6 +16,8 @@ from estimator.effects import Law
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up, beside those that explain errors alone."""
+_EXACT = 1e-4
+"""Of what the laws of a place explain: the form of none is exact to less than a hundredth of its torque."""
 _TURNS = 3
 """Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
 
@@ -282,11 +284,15 @@ class Search:
         return Cause(candidate, gain, false_alarm, held_out, alternatives)
 
     def _with_special(self, candidate: int, chosen: list[int], near: list[Alternative]) -> list[Alternative]:
-        """The alternatives of a cause, nearest first: its special cases are as far behind as all of them together."""
+        """The alternatives of a cause, nearest first: its special cases are as far behind as all of them together,
+        beyond what the form of none of them is exact to."""
         special = self.special(candidate, chosen)
         if not special:
             return near
-        behind = max(self.scores.support(chosen) - self.scores.support(special), 0.0)
+        place = self.scores.hypothesis(candidate).place
+        elsewhere = [c for c in chosen if self.scores.hypothesis(c).place != place]
+        inexact = _EXACT * (self.scores.nats(chosen) - self.scores.nats(elsewhere))
+        behind = max(self.scores.support(chosen) - self.scores.support(special) - inexact, 0.0)
         own = {int(self.scores.owner[k]): Alternative(k, behind) for k in special if k not in chosen}
         anew = (min(a, own.get(int(self.scores.owner[a.candidate]), a), key=lambda one: one.gap) for a in near)
         return sorted(anew, key=lambda one: one.gap)

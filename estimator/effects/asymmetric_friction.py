@@ -32,7 +32,7 @@ class AsymmetricFriction(JointEffect):
     confused_with = ("torque_offset", "stribeck_friction")
     contains = ("coulomb_friction", "viscous_friction")
     made_with = ("torque_offset",)
-    typical: ClassVar = {"coulomb_friction": (0.4, -0.4, 0.0, 0.0)}
+    typical: ClassVar = {"coulomb_friction": (0.4, -0.4, 0.0, 0.0), "viscous_friction": (0.0, 0.0, 0.4, -0.4)}
     seen_against = "dq"
     experiment = "move {joint} at a high constant speed, both ways, and rest between"
 
