@@ -18,7 +18,7 @@ from estimator.diagnosis.turning import Turning, most_likely
 Array = NDArray[np.float64]
 
 _DRY = ("coulomb_friction", "presliding")
-_LAWS = (*_DRY, "viscous_friction", "stribeck_friction")
+_LAWS = (*_DRY, "viscous_friction")
 _LOUD = 2.0
 """Standard deviations of the noise, below which the reversals of a dry friction are not to be seen."""
 _TOLD = 1e-10

@@ -24,8 +24,9 @@ WAYS = (3e-5, 1e-4, 1e-3)
 """Of a joint's range, over which a reversal fades."""
 SHARES = (0.05, 0.1, 0.2, 0.5, 1.0)
 """Of the dry friction, the error of a sample in which a joint turns."""
-_WORTH = 10.0
-"""nats by which errors of reversals must make a residual more likely."""
+_WORTH = 40.0
+"""nats by which errors of reversals must make a residual more likely: with fewer they may be a law's that acts there
+too, as a rise from rest does, and would hide it."""
 _BLOCKS = 32
 """Rows either side of a sample within which its error is spread."""
 _MOST = 1e10

@@ -161,6 +161,41 @@ def test_friction_too_small_to_show_its_form_may_have_either(
         assert gaps["asymmetric_friction"] > 30.0
 
 
+@pytest.mark.parametrize(("back", "status"), [(0.98, "ambiguous"), (0.9, "named")])
+def test_no_law_is_exact_to_a_hundredth_of_its_torque(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic, back: float, status: str
+) -> None:
+    """Friction of forty times its noise, hardly less one way: that shows, and may be the form of either law."""
+    body = make_chain("rr")
+    recordings = played(
+        body, make_periodic, lambda t, q, dq: np.where(dq > 0.0, 1.0 + dq, back * (dq - 1.0)), noise=0.025
+    )
+    (asymmetric,) = [
+        f for f in diagnose(body, recordings).findings if f.place.joint == 1 and f.effect == "asymmetric_friction"
+    ]
+    assert asymmetric.status == status
+    gaps = {a.effect: a.log_likelihood_gap for a in asymmetric.alternatives}
+    assert gaps["viscous_friction"] == 0.0 if status == "ambiguous" else gaps["viscous_friction"] > 30.0
+
+
+def test_a_rise_from_rest_is_as_far_behind_the_viscous_friction_as_behind_the_dry_one(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """It is one of a dry friction, and where that has none, the viscous one beside it has none."""
+    body = make_chain("rr")
+    recordings = played(body, make_periodic, lambda t, q, dq: 0.4 * np.sign(dq) + 0.5 * dq, noise=0.3)
+    found = {f.effect: f for f in diagnose(body, recordings).findings if f.place.joint == 1}
+    assert {(name, f.status) for name, f in found.items()} == {
+        ("coulomb_friction", "named"),
+        ("viscous_friction", "named"),
+    }
+    dry, viscous = (
+        next(a.log_likelihood_gap for a in found[name].rivals if a.effect == "stribeck_friction")
+        for name in ("coulomb_friction", "viscous_friction")
+    )
+    assert dry == viscous > AMBIGUOUS
+
+
 @pytest.mark.parametrize(("playings", "status"), [(2, "named"), (1, "ambiguous")])
 def test_only_a_motion_that_is_played_again_tells_a_drift(
     make_chain: Callable[..., RigidBody],
