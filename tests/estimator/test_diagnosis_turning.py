@@ -91,13 +91,13 @@ def test_what_a_law_tells_is_no_error_of_reversals(
     make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
     friction: str,
 ) -> None:
-    """Nor a rise from rest, which acts about each of them."""
+    """Nor a rise from rest beside a friction of six times the noise, which acts about each of them."""
     body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
     for motion in (0, 0, 1, 1):
         t, q, dq, ddq = make_periodic(2, 8.0, 250.0, motion)
         tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + NOISE * random.normal(size=q.shape)
         if friction == "rising":
             rise = 0.4 * np.exp(-np.square(dq[:, 1] / (0.2 * dq[:, 1].std())))
-            tau[:, 1] += 3.0 * NOISE * (1.0 + rise) * np.sign(dq[:, 1])
+            tau[:, 1] += 6.0 * NOISE * (1.0 + rise) * np.sign(dq[:, 1])
         recordings.append(Trajectory(t, q + 1e-6 * random.normal(size=q.shape), tau))
     assert not gather(body, recordings, 0.05).noise.turning
