@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.scores import BORNE_OUT, Scores
+from estimator.diagnosis.borne_out import BORNE_OUT
+from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,9 @@ LEAST_SEEN = 0.01
 """Of the noise's variance in one of its channels, what a cause must explain: a tenth of its standard deviation.
 However long the recordings, the noise itself and the angles that columns are made of are known no better."""
 RECURRING = 0.75
-"""Of what a cause explains, the share that must be there with angles that have other errors."""
+"""Of what a cause explains, the share that must be there with angles that have other errors …"""
+_SLOWLY = 0.5
+"""… and of a dry friction: where a joint hardly moves, other errors of its angle are another sign of its speed."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _TRIED = 4
@@ -54,7 +57,13 @@ class Admission:
 
     def recurs(self, candidate: int, chosen: list[int]) -> bool:
         """Whether what a cause explains is there with angles that have other errors."""
-        return self.scores.recurring(candidate, chosen) > RECURRING
+        return self.recurring(candidate, chosen) > 1.0
+
+    def recurring(self, candidate: int, chosen: list[int]) -> float:
+        """Of what a cause explains, the share that is there with angles that have other errors, in multiples of what
+        must be."""
+        dry = self.scores.hypothesis(candidate).effect.dry
+        return self.scores.recurring(candidate, chosen) / (_SLOWLY if dry else RECURRING)
 
     def _sound(self, candidate: int, gain: float, chosen: list[int]) -> bool:
         return self._no_chance(candidate, gain) and self._matters(candidate, chosen) and self._apart(candidate, chosen)

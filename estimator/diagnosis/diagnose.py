@@ -107,7 +107,7 @@ def _held_out(
         whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
         whole = total(plain)
         before = residual_power(design, whole, np.zeros(design.size))
-        after = left_out_power(design, scores.weights, whitened, plain, evidence.folds)
+        after = left_out_power(design, scores.weights, whitened, plain, evidence.folds.motions)
     variance = evidence.noise.likely[chosen] ** 2
     freedom = evidence.noise.degrees_of_freedom or np.inf
     least = SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))

@@ -14,7 +14,7 @@ from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.first_body import first_body, has_bodies
 from estimator.diagnosis.first_look import with_turns
-from estimator.diagnosis.folds import folds_of, parts_of
+from estimator.diagnosis.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.maps import MAPS
@@ -49,8 +49,8 @@ class Evidence:
     unseen: Array
     """(channels, ORDER + 1) autocovariance of errors that no playing shows."""
     blocks: tuple[Block | Sheet, ...]
-    folds: tuple[int, ...]
-    """With which fold each block is left out."""
+    folds: Folds
+    """What each block is left out with."""
     parts: int
     """Blocks of each recording, at least."""
     slow: Callable[[], Sequence[Stretch]]
@@ -125,7 +125,7 @@ def weighed(
         noise,
         unseen + exact,
         tuple(blocks),
-        tuple(folds),
+        folds,
         parts,
         cache(slow),
     )

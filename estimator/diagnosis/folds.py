@@ -1,9 +1,11 @@
-"""What is left out together: a motion with all its playings, so that no repeat of it stays behind to be learnt from."""
+"""What is left out together: a motion, or a part of it, with all its playings, so that no repeat of it stays behind to
+be learnt from."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 from estimator.diagnosis.grams import Block, Sheet
 from estimator.repeats import RepeatGroup
@@ -11,7 +13,19 @@ from estimator.repeats import RepeatGroup
 _MOTIONS = 4
 """From so many motions on, whole motions are left out; of fewer, too little would stay to be learnt from."""
 _PARTS = 3
-"""Parts that each recording has at least where parts of motions are left out."""
+"""Parts that each recording has at least where parts of motions are left out …"""
+_BLOCKS = 36
+"""… of several motions as long as no more come of it than this."""
+
+
+@dataclass(frozen=True)
+class Folds:
+    """For each block the number of the fold that it is left out with."""
+
+    motions: tuple[int, ...]
+    """Whole motions with all that repeats them, where there are several; else as ``parts``."""
+    parts: tuple[int, ...] = ()
+    """The blocks of all playings that lie in the same part of their motion; empty where the motions are told so."""
 
 
 def motions(recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
@@ -25,24 +39,27 @@ def motions(recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
 
 def parts_of(recordings: int, groups: Sequence[RepeatGroup]) -> int:
     """Blocks that each recording has to be cut into at least."""
-    return 1 if len(set(motions(recordings, groups))) >= _MOTIONS else _PARTS
+    if len(set(motions(recordings, groups))) < _MOTIONS:
+        return _PARTS
+    return max(1, min(_PARTS, _BLOCKS // recordings))
 
 
-def folds_of(blocks: Sequence[Block | Sheet], recordings: int, groups: Sequence[RepeatGroup]) -> list[int]:
-    """For each block the number of the fold that it is left out with.
+def folds_of(blocks: Sequence[Block | Sheet], recordings: int, groups: Sequence[RepeatGroup]) -> Folds:
+    """What each block is left out with.
 
-    Whole motions with all that repeats them, where there are several; else the blocks of all playings that lie in the
-    same part of their motion. Where playings are shorter than a block, blocks of neighbouring rows, each alone: the
-    repeats of such a motion cannot be kept out.
+    Where playings are shorter than a block, parts are blocks of neighbouring rows, each alone: the repeats of such a
+    motion cannot be kept out.
     """
     motion = motions(recordings, groups)
-    keys: list[Hashable] = [motion[block.recording] for block in blocks]
-    if len(set(keys)) < _MOTIONS:
-        keys = _by_part(blocks, groups)
-    if len(set(keys)) < _PARTS:
-        keys = list(range(len(blocks)))
+    whole, parts = [motion[block.recording] for block in blocks], _by_part(blocks, groups)
+    if len(set(parts)) < _PARTS:
+        parts = list(range(len(blocks)))
+    return Folds(_numbered(parts)) if len(set(whole)) < _MOTIONS else Folds(_numbered(whole), _numbered(parts))
+
+
+def _numbered(keys: Sequence[Hashable]) -> tuple[int, ...]:
     number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    return [number[key] for key in keys]
+    return tuple(number[key] for key in keys)
 
 
 def _by_part(blocks: Sequence[Block | Sheet], groups: Sequence[RepeatGroup]) -> list[Hashable]:

@@ -8,12 +8,13 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.borne_out import BORNE_OUT, predicting
 from estimator.diagnosis.chance import Chance, drawn_noise, resample
 from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
-from estimator.diagnosis.grams import Block, Sheet, of_each, part_of, total, total_anew, without_each
-from estimator.diagnosis.left_out import gains_carried_over, gains_left_out
+from estimator.diagnosis.folds import Folds
+from estimator.diagnosis.grams import Block, Sheet, total, total_anew
 from estimator.diagnosis.maps import Map
 
 Array = NDArray[np.float64]
@@ -22,10 +23,6 @@ _RIDGE = 1e-9
 """Of a column's energy: columns that tell the same share it."""
 _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
-BORNE_OUT = 1.64
-"""Standard errors by which a held-out gain must be above zero; beyond, nothing more is asked."""
-_OTHERS = 3
-"""Folds at least that bear out what another one shows."""
 _ROUGHLY = 0.5
 """Of the evidence that a tolerance gives, what stays when it is wider by the square root of two."""
 _SAME_ORDER = 0.5
@@ -39,12 +36,12 @@ class Scores:
         self,
         design: Design,
         blocks: Sequence[Block | Sheet],
-        folds: Sequence[int],
+        folds: Folds,
         news: Array | None = None,
         exchanges: Sequence[Exchange] = (),
         freedom: float = np.inf,
     ) -> None:
-        """``folds`` says for each block which fold it is left out with; ``news`` (channels,) how much of what
+        """``folds`` says for each block what it is left out with; ``news`` (channels,) how much of what
         independent rows would tell these do (`Noise.news`), all of it where none is given; ``exchanges`` the torques
         beside angles that have other errors; ``freedom`` the degrees of freedom behind the noise's variances, none
         where it is assumed for want of playings."""
@@ -203,19 +200,7 @@ class Scores:
     def _predicting(self, candidate: int, others: Sequence[int]) -> tuple[float, float]:
         key = (candidate, frozenset(others))
         if key not in self._held_out:
-            design, blocks = part_of(self.design, self._blocks, [*others, candidate])
-            # The sum of these very parts: what one fold alone shows is then left out to the last digit.
-            whole = total(blocks)
-            columns = design.candidates[-1].columns
-            active = np.arange(design.size - len(columns))
-            staying = without_each(whole, blocks, self._folds)
-            first = Conditional(design, whole, self.weights, active)
-            known = [Conditional(design, block, self.weights, active) for block in staying]
-            bent = afresh = _in_errors(gains_left_out(first, known, columns))
-            if bent < BORNE_OUT:
-                parts = list(zip(staying, of_each(blocks, self._folds), strict=True))
-                afresh = _in_errors(gains_carried_over(design, parts, self.weights, first, columns))
-            self._held_out[key] = bent, afresh
+            self._held_out[key] = predicting(self.design, self._blocks, self._folds, self.weights, others, candidate)
         return self._held_out[key]
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:
@@ -275,14 +260,3 @@ class Scores:
         energy = np.diag(squares)[: len(first)]
         told = energy > 0.0
         return np.asarray(explained[told] / energy[told])
-
-
-def _in_errors(gains: Array) -> float:
-    """The sum of the folds' gains in its standard errors; that of all but the largest where it is more. A motion that
-    shows far more than the others, as one that was designed to, would be all of the scatter: they bear it out then."""
-    others = np.sort(gains)[:-1]
-    return max(_told_by(gains), _told_by(others) if len(others) >= _OTHERS else -np.inf)
-
-
-def _told_by(gains: Array) -> float:
-    return float(gains.sum()) / max(float(gains.std(ddof=1) * np.sqrt(len(gains))), 1e-12)

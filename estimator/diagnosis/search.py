@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from estimator.diagnosis.admission import RECURRING, Admission
+from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.borne_out import BORNE_OUT
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals
-from estimator.diagnosis.scores import BORNE_OUT, Scores
+from estimator.diagnosis.scores import Scores
 from estimator.effects import Law
 
 _MOST_CAUSES_A_JOINT = 3
@@ -245,7 +246,7 @@ class Search:
     def _standing(self, chosen: list[int]) -> list[int]:
         """Without causes that, given all others, do not improve what is predicted of rows left out, or do not recur
         with the motion, the worst first."""
-        for judge, least in ((self.scores.held_out, BORNE_OUT), (self.scores.recurring, RECURRING)):
+        for judge, least in ((self.scores.held_out, BORNE_OUT), (self.admission.recurring, 1.0)):
             while chosen:
                 worth = {k: judge(k, [c for c in chosen if c != k]) for k in chosen}
                 worst = min(worth, key=lambda k: worth[k])

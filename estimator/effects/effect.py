@@ -68,6 +68,8 @@ class Law(ABC):
     typical: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Coefficients that things of its name usually have beside one that it contains, per unit of that one's, either way
     where a thing may have either: only where recordings would show these is the plainer law named alone."""
+    dry: ClassVar[bool] = False
+    """Whether its torque turns over with the sign of a speed, and is anything within its level at none."""
     seen_against: ClassVar[SeenAgainst] = "law"
     """The quantity of the joint against which its torque shows its form; ``law``: its own prediction."""
     equation: ClassVar[Equation] = "torque"
@@ -166,8 +168,6 @@ class Effect(Law):
 
     confused_with: ClassVar[tuple[str, ...]] = ()
 
-    dry: ClassVar[bool] = False
-    """Whether its torque turns over with the sign of a speed, and is anything within its level at none."""
     momentary: ClassVar[bool] = False
     """Whether its torque is a smooth function of q, dq and ddq of one instant: it can be linearised there."""
     in_drive: ClassVar[bool] = False

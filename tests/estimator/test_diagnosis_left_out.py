@@ -15,7 +15,6 @@ from estimator.diagnosis.conditional import Conditional
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, total, without_each
 from estimator.diagnosis.left_out import gains_carried_over, gains_left_out, log_evidence, unit_information
-from estimator.diagnosis.scores import BORNE_OUT, _in_errors
 from estimator.diagnosis.stretches import Channel
 
 Array = NDArray[np.float64]
@@ -144,18 +143,3 @@ def test_a_model_bent_once_and_for_all_predicts_as_well_as_the_cause(design: Des
 
 def _log_density(covariance: Array, x: Array) -> float:
     return float(multivariate_normal(np.zeros(len(x)), covariance).logpdf(x))
-
-
-@pytest.mark.parametrize(
-    ("gains", "borne_out"),
-    [
-        ([5.0, 6.0, 4.0], True),
-        ([2.0, 8.0, 3.0, 4.0, 230.0], True),
-        ([0.2, -3.0, 0.5, 1.0, 230.0], False),
-        ([4.0, 3.0, 230.0], False),
-        ([-1.0, 2.0, -2.0, 1.0], False),
-    ],
-)
-def test_the_others_bear_out_what_one_motion_shows_most_of(gains: list[float], borne_out: bool) -> None:
-    """A motion that was designed to decide outweighs all others, and by itself bears nothing out."""
-    assert (_in_errors(np.array(gains)) > BORNE_OUT) is borne_out
