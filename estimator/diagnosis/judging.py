@@ -71,6 +71,7 @@ def judge(evidence: Evidence) -> Judged:
         found.widest.reweigh(stood)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
     seen, named = without_menders(found.evidence, scores, stood, refined)
+    stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     known = [_known(named, number) for number in range(len(seen))]
     told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(
@@ -104,6 +105,18 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
     chosen, refined = told_once(evidence, scores, chosen, refined)
     return simpler(evidence, scores, chosen, refined)
+
+
+def _beside_what_was_told(
+    evidence: Evidence, scores: Scores, stood: list[int], refined: Refined, told: Sequence[int]
+) -> tuple[list[int], Refined]:
+    """What stands, with causes that are told and that no law of their place contains, which stood in their stead."""
+    search = Search(scores)
+    more = [k for k in told if k not in stood and not any(search.admission.contained(k, own) for own in stood)]
+    if not more:
+        return stood, refined
+    stood = search.ordered([*stood, *more])
+    return stood, fitted(evidence, scores, stood)
 
 
 def _explaining(scores: Scores, widest: Scores, chosen: list[int]) -> list[int]:

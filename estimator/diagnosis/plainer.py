@@ -91,7 +91,27 @@ def without_menders(
                     instead, shaped = trial, fewer
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)
+            chosen, refined = _with_what_it_took(evidence, search, chosen, refined, cause.candidate, FORM * explained)
     return _agreed(scores, search.judged(chosen, alternatives)), refined
+
+
+def _with_what_it_took(
+    evidence: Evidence, search: Search, chosen: list[int], refined: Refined, mender: int, least: float
+) -> tuple[list[int], Refined]:
+    """The plainer causes with the law of the place that was a trifle beside the one that mended their form, where it
+    explains ``least`` nats without that: bristles that a grid has take some of a viscous friction. Of laws that contain
+    others none is asked: these would mend the same form."""
+    scores, place = search.scores, search.scores.hypothesis(mender).place
+    for candidate, _, supported in scores.ranked(chosen):
+        own = scores.hypothesis(candidate)
+        if own.place != place or own.effect.contains or supported <= least:
+            continue
+        trial = search.ordered([*chosen, candidate])
+        if search.admission.admitted(candidate, chosen) and set(search.pruned(trial)) == set(trial):
+            shaped = fitted(evidence, scores, trial)
+            if shaped.explained - refined.explained > least:
+                return trial, shaped
+    return chosen, refined
 
 
 def _agreed(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:

@@ -1,0 +1,85 @@
+"""Plainer laws in the place of one that mended their form: what that had taken of another one has its name again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.evidence import Evidence, gather
+from estimator.diagnosis.judging import _beside_what_was_told
+from estimator.diagnosis.plainer import _with_what_it_took, fitted
+from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import Search
+
+Array = NDArray[np.float64]
+NOISE = 0.2
+"""N·m, white."""
+RUBS = ("coulomb_friction", 0), ("viscous_friction", 0), ("coulomb_friction", 1), ("viscous_friction", 1)
+
+
+@pytest.fixture(scope="module")
+def evidence(
+    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
+) -> Evidence:
+    """Of an arm whose first two joints rub, both with a little viscous friction beside the dry one."""
+    body, random, recordings = make_chain("rrr"), np.random.default_rng(0), []
+    for number in range(3):
+        t, q, dq, ddq = make_periodic(3, 6.0, 200.0, number)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau[:, :2] += 1.5 * np.tanh(dq[:, :2] / 0.01) + 0.3 * dq[:, :2]
+        recordings += [Trajectory(t, q, tau + NOISE * random.normal(size=q.shape)) for _ in range(2)]
+    return gather(body, recordings, 0.02)
+
+
+@pytest.fixture(scope="module")
+def search(evidence: Evidence) -> Search:
+    return Search(Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news))
+
+
+def best(search: Search, effect: str, joint: int, beside: list[int]) -> int:
+    """The best supported candidate of an effect of a joint beside others."""
+    gains = search.scores.gains(beside)
+    own = [
+        k
+        for k in range(len(search.scores.owner))
+        if (h := search.scores.hypothesis(k)).effect.name == effect and h.place.joint == joint and h.place.other is None
+    ]
+    return max(own, key=lambda k: float(gains[k]))
+
+
+@pytest.fixture(scope="module")
+def causes(search: Search) -> dict[tuple[str, int], int]:
+    chosen: list[int] = []
+    for effect, joint in RUBS:
+        chosen.append(best(search, effect, joint, chosen))
+    search.scores.reweigh(chosen)
+    return dict(zip(RUBS, chosen, strict=True))
+
+
+def test_what_a_mender_took_has_its_name_again(
+    evidence: Evidence, search: Search, causes: dict[tuple[str, int], int]
+) -> None:
+    """The viscous friction of the mender's joint, and not that of another."""
+    plainer = search.ordered([causes["coulomb_friction", 0], causes["coulomb_friction", 1]])
+    refined = fitted(evidence, search.scores, plainer)
+    mender = best(search, "presliding", 1, plainer)
+    with_it, shaped = _with_what_it_took(evidence, search, plainer, refined, mender, 10.0)
+    assert set(with_it) == {*plainer, causes["viscous_friction", 1]}
+    assert shaped.explained > refined.explained + 10.0
+    assert _with_what_it_took(evidence, search, plainer, refined, mender, 1e6) == (plainer, refined)
+
+
+def test_what_was_told_beside_what_stands_is_not_told_as_unexplained_too(
+    evidence: Evidence, search: Search, causes: dict[tuple[str, int], int]
+) -> None:
+    stood = search.ordered([causes["coulomb_friction", 0], best(search, "presliding", 1, [])])
+    refined = fitted(evidence, search.scores, stood)
+    told = [causes[own] for own in (("coulomb_friction", 0), ("coulomb_friction", 1), ("viscous_friction", 1))]
+    beside, shaped = _beside_what_was_told(evidence, search.scores, stood, refined, told)
+    assert set(beside) == {*stood, causes["viscous_friction", 1]}, "presliding contains Coulomb's friction"
+    assert shaped.explained > refined.explained
+    assert _beside_what_was_told(evidence, search.scores, stood, refined, stood) == (stood, refined)
