@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.refinement import Refined, refine
-from estimator.diagnosis.rivals import told_as
+from estimator.diagnosis.rivals import AMBIGUOUS, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH
 from estimator.diagnosis.unexplained import FORM, SIGNIFICANT
+from estimator.effects import Law, catalogue
 
 _MENDED = 0.1
 """Of what a law and those that it contains explain: with less beside those, and a shape hardly different from theirs,
@@ -91,27 +93,42 @@ def without_menders(
                     instead, shaped = trial, fewer
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)
-            chosen, refined = _with_what_it_took(evidence, search, chosen, refined, cause.candidate, FORM * explained)
+    chosen, refined = _with_what_fell(evidence, search, chosen, refined)
     return _agreed(scores, search.judged(chosen, alternatives)), refined
 
 
-def _with_what_it_took(
-    evidence: Evidence, search: Search, chosen: list[int], refined: Refined, mender: int, least: float
+def _with_what_fell(
+    evidence: Evidence, search: Search, chosen: list[int], refined: Refined
 ) -> tuple[list[int], Refined]:
-    """The plainer causes with the law of the place that was a trifle beside the one that mended their form, where it
-    explains ``least`` nats without that: bristles that a grid has take some of a viscous friction. Of laws that contain
-    others none is asked: these would mend the same form."""
-    scores, place = search.scores, search.scores.hypothesis(mender).place
-    for candidate, _, supported in scores.ranked(chosen):
-        own = scores.hypothesis(candidate)
-        if own.place != place or own.effect.contains or supported <= least:
-            continue
-        trial = search.ordered([*chosen, candidate])
-        if search.admission.admitted(candidate, chosen) and set(search.pruned(trial)) == set(trial):
-            shaped = fitted(evidence, scores, trial)
-            if shaped.explained - refined.explained > least:
-                return trial, shaped
+    """The causes with laws that wider ones of the same place have beside theirs, as these have a viscous friction
+    beside Coulomb's: where bristles stood for the dry one, it was a trifle beside what they left, and is none once they
+    are told as Coulomb's. Told where something is left to see else."""
+    scores = search.scores
+    for cause in tuple(chosen):
+        own = scores.hypothesis(cause)
+        for candidate, _, supported in scores.ranked(chosen):
+            other = scores.hypothesis(candidate)
+            if other.place != own.place or other.effect.name not in _told_beside(own.effect) or supported <= AMBIGUOUS:
+                continue
+            trial = search.ordered([*chosen, candidate])
+            if (
+                _lacking(scores, chosen, candidate)
+                and search.admission.admitted(candidate, chosen)
+                and set(search.pruned(trial)) == set(trial)
+            ):
+                chosen, refined = trial, fitted(evidence, scores, trial)
     return chosen, refined
+
+
+def _lacking(scores: Scores, chosen: list[int], candidate: int) -> bool:
+    """Whether what the chosen leave goes with something where a candidate acts."""
+    return bool(np.any(left_to_see(scores, chosen)[list(scores.design.candidates[candidate].channels)] > 0.0))
+
+
+def _told_beside(law: Law) -> set[str]:
+    """The names of what laws that contain this one contain beside it."""
+    wider = [effect for effect in catalogue().values() if law.name in effect.contains]
+    return {name for effect in wider for name in effect.contains} - {law.name}
 
 
 def _agreed(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:

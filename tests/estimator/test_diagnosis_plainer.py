@@ -1,4 +1,4 @@
-"""Plainer laws in the place of one that mended their form: what that had taken of another one has its name again."""
+"""Plainer laws in the place of one that mended their form: what had fallen beside that has its name again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import _beside_what_was_told
-from estimator.diagnosis.plainer import _with_what_it_took, fitted
+from estimator.diagnosis.plainer import _with_what_fell, fitted
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -60,17 +60,24 @@ def causes(search: Search) -> dict[tuple[str, int], int]:
     return dict(zip(RUBS, chosen, strict=True))
 
 
-def test_what_a_mender_took_has_its_name_again(
+def test_a_viscous_friction_that_fell_beside_bristles_is_told_beside_coulombs(
     evidence: Evidence, search: Search, causes: dict[tuple[str, int], int]
 ) -> None:
-    """The viscous friction of the mender's joint, and not that of another."""
+    """Of the joints that have it, and of the third, which rubs in no way, none."""
     plainer = search.ordered([causes["coulomb_friction", 0], causes["coulomb_friction", 1]])
     refined = fitted(evidence, search.scores, plainer)
-    mender = best(search, "presliding", 1, plainer)
-    with_it, shaped = _with_what_it_took(evidence, search, plainer, refined, mender, 10.0)
-    assert set(with_it) == {*plainer, causes["viscous_friction", 1]}
+    told, shaped = _with_what_fell(evidence, search, plainer, refined)
+    assert set(told) == set(causes.values())
     assert shaped.explained > refined.explained + 10.0
-    assert _with_what_it_took(evidence, search, plainer, refined, mender, 1e6) == (plainer, refined)
+    assert _with_what_fell(evidence, search, told, shaped) == (told, shaped)
+
+
+def test_a_law_that_no_wider_one_has_beside_it_is_not_asked_again(
+    evidence: Evidence, search: Search, causes: dict[tuple[str, int], int]
+) -> None:
+    bristles = [causes["coulomb_friction", 0], causes["viscous_friction", 0], best(search, "presliding", 1, [])]
+    refined = fitted(evidence, search.scores, bristles)
+    assert _with_what_fell(evidence, search, bristles, refined) == (bristles, refined)
 
 
 def test_what_was_told_beside_what_stands_is_not_told_as_unexplained_too(
