@@ -106,6 +106,10 @@ def _with_what_fell(
     scores = search.scores
     for cause in tuple(chosen):
         own = scores.hypothesis(cause)
+        there = [h.effect for h in map(scores.hypothesis, chosen) if h.place == own.place]
+        # What a law of bristles leaves, it leaves by its own form.
+        if any(effect.mends_below for effect in there):
+            continue
         for candidate, _, supported in scores.ranked(chosen):
             other = scores.hypothesis(candidate)
             if other.place != own.place or other.effect.name not in _told_beside(own.effect) or supported <= AMBIGUOUS:
