@@ -4,6 +4,7 @@ out together."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,25 +44,26 @@ def predicting(
     active = np.arange(design.size - len(columns))
     first = Conditional(design, whole, weights, active)
 
-    def bent(numbers: Sequence[int]) -> Array:
-        staying = [Conditional(design, block, weights, active) for block in without_each(whole, kept, numbers)]
-        return gains_left_out(first, staying, columns)
+    def bent(staying: Sequence[Block], out: Sequence[Block]) -> Array:
+        return gains_left_out(first, [Conditional(design, block, weights, active) for block in staying], columns)
 
-    def afresh(numbers: Sequence[int]) -> Array:
-        parts = list(zip(without_each(whole, kept, numbers), of_each(kept, numbers), strict=True))
-        return gains_carried_over(design, parts, weights, first, columns)
+    def afresh(staying: Sequence[Block], out: Sequence[Block]) -> Array:
+        return gains_carried_over(design, list(zip(staying, out, strict=True)), weights, first, columns)
 
-    told = _over(folds, bent)
-    return told, told if told >= BORNE_OUT else _over(folds, afresh)
+    @cache
+    def divided(numbers: tuple[int, ...]) -> tuple[list[Block], list[Block]]:
+        return without_each(whole, kept, numbers), of_each(kept, numbers)
 
+    def over(gains_of: Callable[[Sequence[Block], Sequence[Block]], Array]) -> float:
+        """Over whole motions; where one of them shows it alone, and the others do not speak against it, over parts."""
+        gains = gains_of(*divided(folds.motions))
+        told = in_errors(gains)
+        if told < BORNE_OUT and folds.parts and one_shows(gains):
+            told = max(told, in_errors(gains_of(*divided(folds.parts))))
+        return told
 
-def _over(folds: Folds, gains_of: Callable[[Sequence[int]], Array]) -> float:
-    """Over whole motions; where one of them shows it alone, and the others do not speak against it, over parts."""
-    gains = gains_of(folds.motions)
-    told = in_errors(gains)
-    if told < BORNE_OUT and folds.parts and one_shows(gains):
-        told = max(told, in_errors(gains_of(folds.parts)))
-    return told
+    told = over(bent)
+    return told, told if told >= BORNE_OUT else over(afresh)
 
 
 def one_shows(gains: Array) -> bool:

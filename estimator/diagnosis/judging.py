@@ -67,11 +67,11 @@ def judge(evidence: Evidence) -> Judged:
         evidence, found = sharp, _with_what_stood(searched(sharp, replace(found, chosen=stood)), stood)
         stood, refined = _standing(found)
     scores = found.scores
-    if found.widest is not scores:
-        found.widest.reweigh(stood)
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
     seen, named = without_menders(found.evidence, scores, stood, refined)
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
+    if found.widest is not scores:
+        found.widest.reweigh(stood)
     known = [_known(named, number) for number in range(len(seen))]
     told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(

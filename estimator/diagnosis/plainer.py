@@ -100,20 +100,19 @@ def without_menders(
 def _with_what_fell(
     evidence: Evidence, search: Search, chosen: list[int], refined: Refined
 ) -> tuple[list[int], Refined]:
-    """The causes with laws that wider ones of the same place have beside theirs, as these have a viscous friction
-    beside Coulomb's: where bristles stood for the dry one, it was a trifle beside what they left, and is none once they
-    are told as Coulomb's. Told where something is left to see else."""
+    """The causes with laws that wider ones have beside a dry friction, as they have a viscous one beside Coulomb's.
+    Where bristles stood for the dry one, it was a trifle beside what they left, and is none once they are told as
+    Coulomb's. Told where something is left to see without it."""
     scores = search.scores
     for cause in tuple(chosen):
         own = scores.hypothesis(cause)
         there = [h.effect for h in map(scores.hypothesis, chosen) if h.place == own.place]
         # What a law of bristles leaves, it leaves by its own form.
-        if any(effect.mends_below for effect in there):
+        if not own.effect.dry or any(effect.mends_below for effect in there):
             continue
-        for candidate, _, supported in scores.ranked(chosen):
-            other = scores.hypothesis(candidate)
-            if other.place != own.place or other.effect.name not in _told_beside(own.effect) or supported <= AMBIGUOUS:
-                continue
+        names = _told_beside(own.effect)
+        ranked = [(scores.hypothesis(k), k, supported) for k, _, supported in scores.ranked(chosen)]
+        for candidate in [k for h, k, s in ranked if h.place == own.place and h.effect.name in names and s > AMBIGUOUS]:
             trial = search.ordered([*chosen, candidate])
             if (
                 _lacking(scores, chosen, candidate)

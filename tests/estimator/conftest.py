@@ -99,6 +99,27 @@ def make_periodic() -> Callable[..., tuple[Array, Array, Array, Array]]:
 
 
 @pytest.fixture(scope="session")
+def play_twice() -> Callable[..., list[Trajectory]]:
+    """Periodic motions of an arm, each played twice, and a law's torque beside the arm's own."""
+
+    def make(
+        body: RigidBody,
+        law: Callable[[Array, Array], Array] = lambda q, dq: np.zeros_like(q),
+        motions: int = 3,
+        seconds: float = 5.0,
+        noise: float = 0.2,
+    ) -> list[Trajectory]:
+        random, recordings = np.random.default_rng(0), []
+        for motion in range(motions):
+            t, q, dq, ddq = periodic(body.n, seconds, 200.0, motion)
+            tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + law(q, dq)
+            recordings += [Trajectory(t, q, tau + noise * random.normal(size=q.shape)) for _ in range(2)]
+        return recordings
+
+    return make
+
+
+@pytest.fixture(scope="session")
 def measured_dda(dda: RigidBody, thesis_motions: list[tuple[Array, ...]]) -> Callable[..., list[Trajectory]]:
     """Recordings of the thesis' motions on the direct drive arm, with noise and friction as asked for."""
 

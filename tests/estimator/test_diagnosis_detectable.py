@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator import RigidBody, Trajectory
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import gather
 from estimator.diagnosis.scores import Scores
@@ -17,16 +17,10 @@ Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def scores(
-    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
-) -> Scores:
+def scores(make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]) -> Scores:
     """Of two joints and nothing hidden."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(0), []
-    for motion in range(3):
-        t, q, dq, ddq = make_periodic(2, 5.0, 200.0, motion)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-        recordings += [Trajectory(t, q, tau + 0.2 * random.normal(size=q.shape)) for _ in range(2)]
-    evidence = gather(body, recordings, 0.05)
+    body = make_chain("rr")
+    evidence = gather(body, play_twice(body), 0.05)
     return Scores(evidence.design, evidence.blocks, evidence.folds)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator import RigidBody, Trajectory
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import _beside_what_was_told
 from estimator.diagnosis.plainer import _with_what_fell, fitted
@@ -16,23 +16,14 @@ from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
 Array = NDArray[np.float64]
-NOISE = 0.2
-"""N·m, white."""
 RUBS = ("coulomb_friction", 0), ("viscous_friction", 0), ("coulomb_friction", 1), ("viscous_friction", 1)
 
 
 @pytest.fixture(scope="module")
-def evidence(
-    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
-) -> Evidence:
+def evidence(make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]) -> Evidence:
     """Of an arm whose first two joints rub, both with a little viscous friction beside the dry one."""
-    body, random, recordings = make_chain("rrr"), np.random.default_rng(0), []
-    for number in range(3):
-        t, q, dq, ddq = make_periodic(3, 6.0, 200.0, number)
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
-        tau[:, :2] += 1.5 * np.tanh(dq[:, :2] / 0.01) + 0.3 * dq[:, :2]
-        recordings += [Trajectory(t, q, tau + NOISE * random.normal(size=q.shape)) for _ in range(2)]
-    return gather(body, recordings, 0.02)
+    body, rubs = make_chain("rrr"), np.array([1.0, 1.0, 0.0])
+    return gather(body, play_twice(body, lambda q, dq: rubs * (1.5 * np.tanh(dq / 0.01) + 0.3 * dq)), 0.02)
 
 
 @pytest.fixture(scope="module")
