@@ -14,7 +14,7 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
-from estimator.diagnosis.plainer import fitted, simpler, told_once, without_menders
+from estimator.diagnosis.plainer import fitted, not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.scores import Scores
@@ -104,7 +104,8 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     evidence, scores = found.evidence, found.scores
     chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
     chosen, refined = told_once(evidence, scores, chosen, refined)
-    return simpler(evidence, scores, chosen, refined)
+    chosen, refined = simpler(evidence, scores, chosen, refined)
+    return not_taken_back(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
@@ -56,6 +57,30 @@ def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refi
         shaped = fitted(evidence, scores, trial)
         if own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined):
             chosen, refined = trial, shaped
+    return chosen, refined
+
+
+def not_taken_back(
+    evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined
+) -> tuple[list[int], Refined]:
+    """The chosen with special cases in the place of a law and of another cause there that takes back what the law has
+    beside them: each alone says nothing beside the special cases, and both together less of what is explained there
+    than any form is exact to. Friction that is larger one way, with an offset the other way, is a form of friction at
+    rest."""
+    search = Search(scores)
+    for wide, other in permutations(tuple(chosen), 2):
+        place = scores.hypothesis(wide).place
+        if not {wide, other} <= set(chosen) or scores.hypothesis(other).place != place:
+            continue
+        alone = [k for k in chosen if k != other]
+        plain = [] if search.admission.contained(other, wide) else search.special(wide, alone)
+        if not plain or other in plain or max(map(scores.support, (alone, [*plain, other]))) > scores.support(plain):
+            continue
+        elsewhere = [k for k in chosen if scores.hypothesis(k).place != place]
+        whole = scores.nats(chosen)
+        if whole - scores.nats(plain) < FORM * (whole - scores.nats(elsewhere)):
+            chosen = search.ordered(plain)
+            refined = fitted(evidence, scores, chosen)
     return chosen, refined
 
 

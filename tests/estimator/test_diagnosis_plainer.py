@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.judging import _beside_what_was_told
-from estimator.diagnosis.plainer import _with_what_fell, fitted
+from estimator.diagnosis.plainer import _with_what_fell, fitted, not_taken_back
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 
@@ -81,3 +81,27 @@ def test_what_was_told_beside_what_stands_is_not_told_as_unexplained_too(
     assert set(beside) == {*stood, causes["viscous_friction", 1]}, "presliding contains Coulomb's friction"
     assert shaped.explained > refined.explained
     assert _beside_what_was_told(evidence, search.scores, stood, refined, stood) == (stood, refined)
+
+
+def test_an_offset_that_takes_back_an_asymmetry_is_told_with_it_as_the_friction_that_both_leave(
+    make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]
+) -> None:
+    """A torque that is less at rest than in motion, whichever way, is half of the difference of two levels less its
+    own: neither is there. Both are told where they do not take each other back."""
+    body, rubs = make_chain("rrr"), np.array([1.0, 0.0, 0.0])
+
+    def names(offset: float) -> set[str]:
+        def law(q: Array, dq: Array) -> Array:
+            sign = np.tanh(dq / 0.01)
+            return np.asarray(rubs * (1.5 * sign + 0.3 * dq + 0.12 * np.abs(sign) + offset))
+
+        evidence = gather(body, play_twice(body, law), 0.02)
+        scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
+        search, chosen = Search(scores), list[int]()
+        for effect in ("asymmetric_friction", "torque_offset"):
+            chosen.append(best(search, effect, 0, chosen))
+        told, _ = not_taken_back(evidence, scores, chosen, fitted(evidence, scores, chosen))
+        return {scores.hypothesis(k).effect.name for k in told}
+
+    assert names(-0.12) == {"coulomb_friction", "viscous_friction"}
+    assert names(0.2) == {"asymmetric_friction", "torque_offset"}
