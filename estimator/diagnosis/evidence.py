@@ -13,7 +13,7 @@ from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.first_body import first_body, has_bodies
-from estimator.diagnosis.first_look import with_turns
+from estimator.diagnosis.first_look import first_look, with_turns
 from estimator.diagnosis.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -105,14 +105,18 @@ def weighed(
     exact = np.zeros_like(unseen)
     exact[:, 0] = EXACT**2 * mean_power(pieces) + _LEAST**2
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
-    noise = repeated_noise(playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces])), unseen, exact)
+    rows = playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces]))
+    noise = repeated_noise(rows, unseen, exact)
     if noise is None:
         plain = Noise.none(len(grid.channels))
         noise = assumed_noise(
             [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
             unseen + exact,
         )
-    noise = with_turns(design, pieces, decimations, noise)
+    look = first_look(design, pieces, decimations, noise)
+    # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be.
+    noise = repeated_noise(rows, unseen, exact, playings(repeats, grid, lay(pieces, look.left))) or noise
+    noise = with_turns(look, pieces, decimations, noise)
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

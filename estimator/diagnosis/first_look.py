@@ -1,9 +1,9 @@
-"""A first look at the frictions: how sure the torques are where the joints turn."""
+"""A first look at the frictions: what else recurs, and how sure the torques are where the joints turn."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from estimator.diagnosis.grams import Sheet, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.turning import Turning, most_likely
+from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]
 
@@ -25,22 +26,44 @@ _TOLD = 1e-10
 """Of the largest direction of all columns, made alike: in smaller ones they differ by rounding."""
 
 
-def with_turns(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> Noise:
-    """The noise with the errors of reversals beside it, of the channels that show any."""
+@dataclass(frozen=True)
+class FirstLook:
+    """The frictions of all joints, fitted together to all rows."""
+
+    design: Design
+    """With the laws of friction alone that a first look knows."""
+    value: Array
+    """(size,) of its unknowns."""
+    left: tuple[Array, ...]
+    """(samples, channels) of each stretch: what they leave of its residual."""
+
+
+def first_look(design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> FirstLook:
+    """What the laws of friction, all of them together, leave of each stretch under this noise."""
     laws = [c for c in design.candidates if design.hypotheses[c.hypothesis].effect.name in _LAWS]
     look = design.with_candidates(laws)
-    rows = [stretch_rows(look, piece, step, noise) for piece, step in zip(pieces, decimations, strict=True)]
-    value = _fitted(look, rows)
+    value = _fitted(look, [stretch_rows(look, *piece, noise) for piece in zip(pieces, decimations, strict=True)])
+    samples = Noise.none(len(look.channels), past=0)
+    left = []
+    for piece in pieces:
+        rows = stretch_rows(look, piece, 1, samples)
+        left.append(np.array([x[-1] - value[own] @ x[:-1] for own, x in zip(look.members, rows, strict=True)]).T)
+    return FirstLook(look, value, tuple(left))
+
+
+def with_turns(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> Noise:
+    """The noise with the errors of reversals beside it, of the channels that show any."""
     span = np.max([np.ptp(piece.signals.q, axis=0) for piece in pieces], axis=0)
+    decimators = [Decimator(step) for step in decimations]
     result = {}
-    for number, channel in enumerate(look.channels):
-        friction = _dry(look, value, channel.index)
+    for number, channel in enumerate(look.design.channels):
+        friction = _dry(look, channel.index)
         if channel.equation != "torque" or friction < _LOUD * noise.likely[number]:
             continue
-        own = value[look.members[number]]
         spreads = {step: noise.spread(number, step) for step in set(decimations)}
+        rows = [decimate(own[:, [number]].T) for decimate, own in zip(decimators, look.left, strict=True)]
         error, way = most_likely(
-            [stretch[number][-1] - own @ stretch[number][:-1] for stretch in rows],
+            [noise.whiten(number, own)[0] for own in rows],
             [piece.signals.q[:, channel.index] for piece in pieces],
             [spreads[step] for step in decimations],
             friction,
@@ -67,11 +90,11 @@ def _fitted(look: Design, rows: Sequence[Sequence[Array]]) -> Array:
     return np.asarray(solved * scale)
 
 
-def _dry(look: Design, value: Array, joint: int) -> float:
+def _dry(look: FirstLook, joint: int) -> float:
     """N·m of a joint's dry friction in motion."""
     result = 0.0
-    for candidate in look.candidates:
-        hypothesis = look.hypotheses[candidate.hypothesis]
+    for candidate in look.design.candidates:
+        hypothesis = look.design.hypotheses[candidate.hypothesis]
         if hypothesis.effect.name in _DRY and hypothesis.place.joint == joint:
-            result += float(value[candidate.columns].sum())
+            result += float(look.value[candidate.columns].sum())
     return result

@@ -78,10 +78,13 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
     return result
 
 
-def repeated_noise(rows: Sequence[Array], unseen: Array, exact: Array) -> Noise | None:
+def repeated_noise(
+    rows: Sequence[Array], unseen: Array, exact: Array, left: Sequence[Array] | None = None
+) -> Noise | None:
     """Noise from the playings' deviations from their mean, and ``unseen`` (channels, ORDER + 1), the autocovariance of
     errors that they have in common, of which there are no more than what they have in common; ``exact``, likewise, of
-    what nothing is computed more exactly than. None where repeats are too short to tell."""
+    what nothing is computed more exactly than. ``left``: the rows without what recurs for another reason, where some is
+    known. None where repeats are too short to tell."""
     if not rows:
         return None
     deviations = [
@@ -90,7 +93,7 @@ def repeated_noise(rows: Sequence[Array], unseen: Array, exact: Array) -> Noise 
     freedom = sum((len(stack) - 1) * stack.shape[1] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
-    unseen = _within_what_recurs(unseen, rows) + exact
+    unseen = _within_what_recurs(unseen, rows if left is None else left) + exact
     covariance = autocovariance(deviations) + unseen
     filters = np.array([autoregressive(row, freedom) for row in covariance])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
