@@ -22,8 +22,11 @@ from estimator.diagnosis.search import Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
-_NOTHING = 1.5
-"""Standard errors by which a cause must differ from nothing once its shape was refined."""
+_NOTHING = 3.0
+"""Standard errors by which a cause must differ from nothing once its shape was refined, and is free: a wall that may be
+anywhere, or a spring of any stiffness, imitates what has another name."""
+_WITHIN = 1.5
+"""Standard errors within which a cause has the shape of things of its name."""
 _SHARPER = 2
 """Times that a search is made anew with sharper laws."""
 
@@ -164,7 +167,7 @@ def _known(refined: Refined, number: int) -> bool:
     """Whether things of a cause's name have its shape, or one within its error."""
     own = refined.design.candidates[number]
     errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(own.theta)]
-    return refined.design.hypotheses[own.hypothesis].effect.known(own.theta - _NOTHING * errors)
+    return refined.design.hypotheses[own.hypothesis].effect.known(own.theta - _WITHIN * errors)
 
 
 def _told(refined: Refined, number: int) -> float:

@@ -174,7 +174,7 @@ def test_a_wider_law_beside_what_mends_its_form_is_told_as_those_that_it_contain
     """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is."""
 
     def friction(q: Array, dq: Array) -> Array:
-        return np.array([1.0, 0.0]) * (3.0 * bristles(q, 3e-4) + 0.4 * dq + one_way * np.maximum(dq, 0.0))
+        return np.array([1.0, 0.0]) * (3.0 * bristles(q, 1e-4) + 0.4 * dq + one_way * np.maximum(dq, 0.0))
 
     evidence = gathered(friction)
     scores = scores_of(evidence)
