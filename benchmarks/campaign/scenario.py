@@ -18,10 +18,10 @@ from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
-from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_rms
+from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_deviation, noise_in_band
 from config import Installation
 from virtual_hw.hidden import HiddenMechanics
-from virtual_hw.hidden.noise import SILENT
+from virtual_hw.hidden.noise import SILENT, Noise
 
 CURRENT_LOOP_HZ = 1e6
 """Far above the plant's tick: at 5 kHz the current is 32 µs late, which a finder may rightly name."""
@@ -55,8 +55,10 @@ class Truth:
     causes: tuple[TrueCause, ...]
     excused: frozenset[Named] = frozenset()
     recorded_noise: float | None = None
-    """Torque noise in the recordings over the sensors', in multiples of which sizes are told; median of the joints.
-    None where it was not measured."""
+    """Torque noise in the recordings over the sensors', below `sizing.BAND_HZ`; median of the joints. None where it was
+    not measured."""
+    deviation_in_band: float | None = None
+    """Standard deviation of the torque sensors' noise, in which sizes are told, over what of it lies in that band."""
 
     def as_json(self) -> dict[str, Any]:
         """For the envelope."""
@@ -107,8 +109,8 @@ class Prepared:
     """Of so many samples of the plant one is recorded."""
     jitter_s: float
     seed: int
-    noise: Array
-    """(joints,) RMS of the torque sensors' noise in the band, N·m."""
+    noise: Sequence[Noise]
+    """Of the torque sensors, by joint."""
 
 
 def prepare(plan: Plan, urdf: Path) -> Prepared:
@@ -122,10 +124,11 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
     installation = _with_urdf(arm.installation, urdf)
     playlist = draw_playlist(installation, rng, plan.seconds)
     noise = _noise_tables(arm, float(np.exp(0.3 * rng.standard_normal())))
-    sensors = _torque_noise(noise, arm, plan)
-    scale = Scale(installation, playlist, mechanics(arm, [], []), sensors)
+    sensors = _torque_noise(noise, arm)
+    deviation = noise_deviation(sensors)
+    scale = Scale(installation, playlist, mechanics(arm, [], []), deviation)
     causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
-    rubbing, excused = _friction(plan, arm, sensors)
+    rubbing, excused = _friction(plan, arm, deviation)
     tables = [c.tables(a) for c, a in zip(causes, amplitudes, strict=True)]
     # A cause that has friction of its own puts it in the place of what its joint has.
     hidden = mechanics(arm, causes, [rubbing, *tables, noise])
@@ -147,8 +150,13 @@ def stage(plan: Plan, folder: Path) -> Staged:
     played = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
     rng = np.random.default_rng([prepared.seed, 1])
     runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played]
-    share = np.hypot(1.0, folded_rms(played, prepared.every) / prepared.noise)
-    truth = replace(prepared.truth, recorded_noise=float(np.median(share)))
+    below = noise_in_band(prepared.noise, prepared.seed)
+    share = np.hypot(1.0, folded_rms(played, prepared.every) / below)
+    truth = replace(
+        prepared.truth,
+        recorded_noise=float(np.median(share)),
+        deviation_in_band=float(np.median(noise_deviation(prepared.noise) / below)),
+    )
     return Staged(truth, folder / "arm.urdf", tuple(runs))
 
 
@@ -228,10 +236,9 @@ def _noise_tables(arm: TrueArm, factor: float) -> Tables:
     return tables
 
 
-def _torque_noise(noise: Tables, arm: TrueArm, plan: Plan) -> Array:
-    sensors = HiddenMechanics.model_validate(noise).torque_sensor
-    by_joint = {sensor.joint: sensor.noise for sensor in sensors}
-    return noise_rms([by_joint.get(joint, SILENT) for joint in arm.joints], plan.seed)
+def _torque_noise(noise: Tables, arm: TrueArm) -> list[Noise]:
+    by_joint = {sensor.joint: sensor.noise for sensor in HiddenMechanics.model_validate(noise).torque_sensor}
+    return [by_joint.get(joint, SILENT) for joint in arm.joints]
 
 
 def _with_urdf(installation: Installation, urdf: Path) -> Installation:

@@ -1,7 +1,8 @@
-"""How large an effect is beside the noise, both seen in the same band.
+"""How large an effect is beside the noise.
 
-Size = max over joints of rms(torque that the true rigid bodies do not explain) / rms(torque noise), of the motions that
-are learnt from, played without noise and with the effect.
+Size = max over joints of rms(torque that the true rigid bodies do not explain, below `BAND_HZ`) / standard deviation of
+the torque sensor's noise, sample by sample, of the motions that are learnt from, played without noise and with the
+effect.
 """
 
 from __future__ import annotations
@@ -39,7 +40,12 @@ def in_band(x: Array, rate: float = RATE_HZ) -> Array:
     return np.asarray(sosfiltfilt(butter(2, BAND_HZ, fs=rate, output="sos"), x, axis=0))
 
 
-def noise_rms(noise: Sequence[Noise], seed: int) -> Array:
+def noise_deviation(noise: Sequence[Noise]) -> Array:
+    """Standard deviation of each torque channel's noise, N·m."""
+    return np.array([np.hypot(channel.white, channel.coloured) for channel in noise])
+
+
+def noise_in_band(noise: Sequence[Noise], seed: int) -> Array:
     """RMS of each torque channel's noise in the band, N·m."""
     rows = list(islice(noise_rows(noise, 1.0 / RATE_HZ, seed, 0), int(NOISE_S * RATE_HZ)))
     return np.asarray(np.sqrt(np.mean(in_band(np.array(rows)) ** 2, axis=0)))
@@ -81,7 +87,8 @@ def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMe
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes effects on one arm and playlist; ``clean`` is the arm without any, ``noise`` the RMS by joint."""
+    """Sizes effects on one arm and playlist; ``clean`` is the arm without any, ``noise`` the standard deviation by
+    joint."""
 
     installation: Installation
     playlist: Playlist

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.admission import FALSE_ALARM
-from estimator.diagnosis.conditional import products, within_limits
+from estimator.diagnosis.conditional import within_limits
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.exchange import Exchange, exchange, with_slow_motion
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
 from estimator.diagnosis.tolerance import base_precision
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -159,10 +160,11 @@ def _supports(found: Searched, precisions: Sequence[Array], weights: Array) -> A
     """
     scores, chosen = found.scores, [found.scores.design.candidates[k] for k in found.chosen]
     given = np.arange(scores.design.given)
-    told = products(scores.design, scores.total, weights, given, given)
+    whole = Weighted(scores.design, scores.total, weights)
+    told = whole.of_given[:, given]
     result = []
     for precision in precisions:
-        model = within_limits(scores.design.believed(precision), scores.total, weights, chosen, least=1)
+        model = within_limits(whole.believed(precision), chosen, least=1)
         narrowed = np.linalg.slogdet(precision + told)[1] - np.linalg.slogdet(precision)[1]
         result.append(0.5 * float(model.right[model.active] @ model.value - narrowed))
     return np.array(result) - scores.penalty(found.chosen)

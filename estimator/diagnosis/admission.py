@@ -69,7 +69,7 @@ class Admission:
         return self._no_chance(candidate, gain) and self._matters(candidate, chosen) and self._apart(candidate, chosen)
 
     def _no_chance(self, candidate: int, gain: float) -> bool:
-        return bool(self.scores.chance.false_alarm(int(self.scores.owner[candidate]), gain) <= FALSE_ALARM)
+        return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, FALSE_ALARM)
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and

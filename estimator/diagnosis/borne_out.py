@@ -14,6 +14,7 @@ from estimator.diagnosis.design import Design
 from estimator.diagnosis.folds import Folds
 from estimator.diagnosis.grams import Block, Sheet, of_each, part_of, total, without_each
 from estimator.diagnosis.left_out import gains_carried_over, gains_left_out
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,11 @@ def predicting(
     whole = total(kept)
     columns = design.candidates[-1].columns
     active = np.arange(design.size - len(columns))
-    first = Conditional(design, whole, weights, active)
+    first = Conditional(Weighted(design, whole, weights), active)
 
     def bent(staying: Sequence[Block], out: Sequence[Block]) -> Array:
-        return gains_left_out(first, [Conditional(design, block, weights, active) for block in staying], columns)
+        without = [Conditional(Weighted(design, block, weights), active) for block in staying]
+        return gains_left_out(first, without, columns)
 
     def afresh(staying: Sequence[Block], out: Sequence[Block]) -> Array:
         return gains_carried_over(design, list(zip(staying, out, strict=True)), weights, first, columns)

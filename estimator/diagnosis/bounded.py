@@ -25,14 +25,17 @@ def bounded_gains(matrix: Array, score: Array, energy: Array, lower: Array, uppe
     k, c, m = score.shape
     best = np.zeros((k, m))
     signed = np.any((lower == 0.0) | (upper == 0.0), axis=0)
+    limited = bool(np.isfinite(lower).any() or np.isfinite(upper).any())
     choices = [(True, False) if s and c <= _ENUMERATED else (True,) for s in signed]
     for used in product(*choices):
         own = np.flatnonzero(used)
         if len(own):
             inner, pull = matrix[:, own[:, None], own], score[:, own]
             x = _inverse(inner, energy[:, own]) @ pull
-            np.clip(x, lower[:, own, None], upper[:, own, None], out=x)
-            np.maximum(best, np.einsum("kcm,kcm->km", x, pull - 0.5 * (inner @ x)), out=best)
+            if limited:
+                np.clip(x, lower[:, own, None], upper[:, own, None], out=x)
+                pull = 2.0 * pull - inner @ x
+            np.maximum(best, 0.5 * np.einsum("kcm,kcm->km", x, pull), out=best)
     return best
 
 

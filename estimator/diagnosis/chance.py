@@ -8,14 +8,15 @@ Young 1993).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from estimator.diagnosis.bounded import bounded_gains
-from estimator.diagnosis.conditional import Conditional, Group
+from estimator.diagnosis.conditional import Conditional, Group, groups_of
 
 Array = NDArray[np.float64]
 
@@ -24,75 +25,89 @@ _RIDGE = 1e-11
 """Share of a column's energy that is noise of its own: columns that say the same have a root too."""
 
 
-@dataclass(frozen=True)
 class Chance:
-    """Gains of hypotheses that chance gives."""
+    """Gains of hypotheses that chance gives beside the given model, everything else being as that has it. A hypothesis
+    is asked when it is first needed, and all of them when one is so surprising that their number matters."""
 
-    shape: Array
-    scale: Array
-    """(hypotheses,) of the gamma law of each one's gain; its mean is their product."""
-    tests: float
-    """As many independent tests behave like this family of hypotheses."""
+    def __init__(self, model: Conditional, noise: Array, family: Chance | None = None, seed: int = 0) -> None:
+        """``noise``: `drawn_noise` of the same design, block and weights; the base parameters are drawn beside it.
+        ``family``: the same hypotheses under another tolerance, on which their number of `tests` hardly depends: by
+        less than `DRAWS` tell it.
 
-    def surprise(self, gains: Array) -> Array:
-        """(…, hypotheses) −log probability of gains (…, hypotheses) under chance, one hypothesis at a time."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(-np.log(gammaincc(self.shape, np.maximum(gains, 0.0) / self.scale)))
+        A deviation d of the given model, of precision P, leaves A⁻¹P·d of itself where A is the active unknowns'
+        normal matrix; P·d is drawn, which is small where the given model is free.
+        """
+        self._model, self._noise, self._family = model, noise, family
+        given, random = model.design.given, np.random.default_rng([seed, 1])
+        pull = np.zeros((len(model.active), DRAWS))
+        pull[:given] = np.linalg.cholesky(model.design.precision) @ random.standard_normal((given, DRAWS))
+        self._taken = model.halfway(noise[model.active] - pull)
+        self._laws: dict[int, tuple[Array, Array]] = {}
+
+    def alone(self, hypothesis: int, gain: float) -> float:
+        """Probability that chance makes this one hypothesis as surprising."""
+        if hypothesis not in self._laws:
+            own = [k for k, c in enumerate(self._model.design.candidates) if c.hypothesis == hypothesis]
+            self._laws[hypothesis] = _gamma(self._gains(groups_of(self._model.design, own))[hypothesis])
+        shape, scale = self._laws[hypothesis]
+        return float(gammaincc(shape, max(gain, 0.0) / scale))
 
     def false_alarm(self, hypothesis: int, gain: float) -> float:
         """Probability that chance makes any hypothesis of the family as surprising as this one."""
-        alone = gammaincc(self.shape[hypothesis], max(gain, 0.0) / self.scale[hypothesis])
-        return float(-np.expm1(-self.tests * alone))
+        return float(-np.expm1(-self.tests * self.alone(hypothesis, gain)))
+
+    def excluded(self, hypothesis: int, gain: float, false_alarm: float) -> bool:
+        """Whether that probability is no more than ``false_alarm``; of one that alone is no surprise the others are not
+        asked."""
+        return self.alone(hypothesis, gain) <= false_alarm and self.false_alarm(hypothesis, gain) <= false_alarm
+
+    @cached_property
+    def tests(self) -> float:
+        """As many independent tests behave like this family of hypotheses."""
+        if self._family is not None:
+            return self._family.tests
+        design = self._model.design
+        gains = self._gains(groups_of(design))[np.unique([c.hypothesis for c in design.candidates])]
+        shape, scale = _gamma(gains)
+        with np.errstate(divide="ignore"):
+            surprises = -np.log(gammaincc(shape[:, None], gains / scale[:, None]))
+        # P(max < x) = exp(−tests·e^−x): tests by maximum likelihood.
+        return float(1.0 / np.mean(np.exp(-surprises.max(axis=0))))
+
+    def _gains(self, groups: Sequence[Group]) -> Array:
+        """(hypotheses, DRAWS) of the groups' candidates, the best of each hypothesis."""
+        model = self._model
+        design, told = model.design, model.told
+        result = np.zeros((len(design.hypotheses), DRAWS))
+        for group in groups:
+            own, cross = told.of_each(group.columns), told.of_active(model.active, group.columns.ravel())
+            half = model.halfway(cross).T.reshape(*group.columns.shape, -1)
+            matrix, energy = own - half @ half.transpose(0, 2, 1), np.einsum("kcc->kc", own)
+            score = self._noise[group.columns] - half @ self._taken
+            gains = bounded_gains(matrix, score, energy, group.lower, group.upper)
+            np.maximum.at(result, [design.candidates[k].hypothesis for k in group.candidates], gains)
+        return result
 
 
-def resample(model: Conditional, groups: list[Group], noise: Array, seed: int = 0) -> Chance:
-    """By `DRAWS` draws of the base parameters beside those of ``noise`` (`drawn_noise` of the same design, block and
-    weights), everything else being as the given model has it."""
-    design = model.design
-    score = _null_scores(model, noise, seed)
-    count = len(design.hypotheses)
-    gains = np.zeros((count, DRAWS))
-    for group in groups:
-        matrix, energy = model.remaining(group)
-        lower, upper = group.lower, group.upper
-        own = bounded_gains(matrix, score[group.columns], energy, lower, upper)
-        for row, candidate in zip(own, group.candidates, strict=True):
-            hypothesis = design.candidates[candidate].hypothesis
-            np.maximum(gains[hypothesis], row, out=gains[hypothesis])
-    mean = np.maximum(gains.mean(axis=1), 1e-3)
-    variance = np.maximum(gains.var(axis=1), 1e-6)
+def _gamma(gains: Array) -> tuple[Array, Array]:
+    """Shape and scale (…) of the gamma law with the mean and variance of gains (…, DRAWS)."""
+    mean = np.maximum(gains.mean(axis=-1), 1e-3)
+    variance = np.maximum(gains.var(axis=-1), 1e-6)
     # The tail matters: no lighter than that of one Gaussian coefficient.
     scale = np.maximum(variance / mean, 1.0)
-    law = Chance(mean / scale, scale, 1.0)
-    surprises = law.surprise(gains.T)
-    tested = np.isin(np.arange(count), [c.hypothesis for c in design.candidates])
-    largest = surprises[:, tested].max(axis=1)
-    # P(max < x) = exp(−tests·e^−x): tests by maximum likelihood.
-    return Chance(law.shape, law.scale, float(1.0 / np.mean(np.exp(-largest))))
+    return mean / scale, scale
 
 
 def drawn_noise(model: Conditional, seed: int = 0) -> Array:
     """(size, DRAWS) products of all columns with white noise, whatever the model's tolerance."""
     design, random = model.design, np.random.default_rng(seed)
-    products = np.zeros((design.size, DRAWS))
-    for channel, gram in enumerate(model.block.grams):
-        members, weight = design.members[channel], model.weights[channel]
+    result = np.zeros((design.size, DRAWS))
+    for channel, gram in enumerate(model.told.block.grams):
+        members, weight = design.members[channel], model.told.weights[channel]
         inner = gram[:-1, :-1]
         # Columns of very different size: rounding of the largest must not be the noise of the smallest.
         norms = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
         normal = inner / np.outer(norms, norms) + _RIDGE * np.eye(len(norms))
         root = norms[:, None] * np.linalg.cholesky(normal)
-        products[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
-    return products
-
-
-def _null_scores(model: Conditional, noise: Array, seed: int) -> Array:
-    """(size, DRAWS) products of all columns with a residual of chance, after the active unknowns.
-
-    A deviation d of the given model, of precision P, leaves A⁻¹P·d of itself where A is the active unknowns' normal
-    matrix; P·d is drawn, which is small where the given model is free.
-    """
-    given, random = model.design.given, np.random.default_rng([seed, 1])
-    pull = np.zeros((len(model.active), DRAWS))
-    pull[:given] = np.linalg.cholesky(model.design.precision) @ random.standard_normal((given, DRAWS))
-    return np.asarray(noise - model.cross.T @ model.solve(noise[model.active] - pull))
+        result[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
+    return result

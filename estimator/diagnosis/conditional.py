@@ -9,11 +9,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 from estimator.diagnosis.bounded import bounded_gains
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -24,7 +25,7 @@ _RIDGE = 1e-12
 
 @dataclass(frozen=True)
 class Group:
-    """Candidates with the same number of coefficients, treated at once."""
+    """Candidates with the same number of coefficients, of which the same have a sign, treated at once."""
 
     candidates: Indices
     columns: Indices
@@ -33,13 +34,14 @@ class Group:
     upper: Array
 
 
-def groups_of(design: Design, candidates: Indices | None = None) -> list[Group]:
-    """All candidates, or some, by their number of coefficients."""
-    by_count: dict[int, list[int]] = defaultdict(list)
+def groups_of(design: Design, candidates: Sequence[int] | Indices | None = None) -> list[Group]:
+    """All candidates, or some, by their coefficients."""
+    alike: dict[tuple[bool, ...], list[int]] = defaultdict(list)
     for k in range(len(design.candidates)) if candidates is None else candidates:
-        by_count[len(design.candidates[k].columns)].append(int(k))
+        own = design.candidates[k]
+        alike[tuple((own.lower == 0.0) | (own.upper == 0.0))].append(int(k))
     result = []
-    for members in by_count.values():
+    for members in alike.values():
         chosen = [design.candidates[k] for k in members]
         result.append(
             Group(
@@ -52,32 +54,18 @@ def groups_of(design: Design, candidates: Indices | None = None) -> list[Group]:
     return result
 
 
-def products(design: Design, block: Block, weights: Array, first: Indices, second: Indices) -> Array:
-    """(first, second) weighted products of some unknowns' columns with others', over all channels."""
-    result = np.zeros((len(first), len(second)))
-    one, other = design.position[:, first], design.position[:, second]
-    enters, meets = one >= 0, other >= 0
-    for channel in np.flatnonzero(enters.any(axis=1) & meets.any(axis=1)):
-        rows, columns = np.flatnonzero(enters[channel]), np.flatnonzero(meets[channel])
-        gram = block.grams[channel]
-        result[rows[:, None], columns] += weights[channel] * gram[one[channel, rows, None], other[channel, columns]]
-    return result
-
-
 class Conditional:
-    """The model with the ``active`` unknowns fitted to one block (or sum) with a weight for each channel.
+    """The model with the ``active`` unknowns, the given model's first, fitted to what was `told`.
 
     The prior of the base parameters counts in full whatever the block.
     """
 
-    def __init__(self, design: Design, block: Block, weights: Array, active: Indices) -> None:
-        self.design, self.block, self.weights, self.active = design, block, weights, active
-        size, given = design.size, design.given
-        self.right = np.zeros(size)
-        for channel, gram in enumerate(block.grams):
-            self.right[design.members[channel]] += weights[channel] * gram[:-1, -1]
-        matrix = products(design, block, weights, active, active)
-        matrix[:given, :given] += design.precision
+    def __init__(self, told: Weighted, active: Indices) -> None:
+        self.told, self.design, self.active = told, told.design, active
+        given = self.design.given
+        self.right = told.with_residual
+        matrix = told.of_active(active, active)
+        matrix[:given, :given] += self.design.precision
         diagonal = np.diag(matrix)
         scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         # An unknown without any effect here stays zero.
@@ -86,22 +74,24 @@ class Conditional:
         factor, failed = dpotrf(normal.T, overwrite_a=True)
         if failed:
             raise np.linalg.LinAlgError(f"normal matrix is not positive definite at unknown {failed}")
+        self._root = factor * scale
+        """Upper triangular R of the normal matrix RᵀR."""
+        self.value: Array = self.solve(self.right[active])
 
-        def solve(right: Array) -> Array:
-            return np.asarray((dpotrs(factor, (right.T / scale).T)[0].T / scale).T)
+    def solve(self, right: Array) -> Array:
+        """(active, …) the unknowns for other right-hand sides."""
+        return np.asarray(dpotrs(self._root, right)[0])
 
-        self.solve = solve
-        self.value: Array = solve(self.right[active])
+    def halfway(self, right: Array) -> Array:
+        """(active, …) R⁻ᵀ of right-hand sides: the products of two such are those that the active unknowns explain."""
+        return np.asarray(dtrtrs(self._root, right, trans=1)[0])
 
     @cached_property
-    def cross(self) -> Array:
-        """(active, size) products of the active unknowns' columns with all."""
-        result = np.zeros((len(self.active), self.design.size))
-        for channel, gram in enumerate(self.block.grams):
-            members, place = self.design.members[channel], self.design.position[channel][self.active]
-            enters = np.flatnonzero(place >= 0)
-            result[enters[:, None], members] += self.weights[channel] * gram[place[enters], :-1]
-        return result
+    def rooted(self) -> Array:
+        """(size, active): `halfway` of every column's products with the active ones."""
+        given = self.design.given
+        cross = np.concatenate([self.told.of_given, self.told.with_all(self.active[given:])])
+        return np.asarray(dtrtrs(self._root, np.asfortranarray(cross), trans=1, overwrite_b=True)[0].T)
 
     @cached_property
     def covariance(self) -> Array:
@@ -109,21 +99,17 @@ class Conditional:
         return self.solve(np.eye(len(self.active)))
 
     @cached_property
-    def projected(self) -> Array:
-        """(active, size): every column in terms of the active ones."""
-        return self.solve(self.cross)
-
-    @cached_property
     def score(self) -> Array:
         """(size,) products of every column with the residual."""
-        return np.asarray(self.right - self.cross.T @ self.value)
+        return np.asarray(self.right - self.rooted @ self.halfway(self.right[self.active]))
 
     def left_of(self, columns: Indices) -> tuple[Array, Array, Array]:
         """(c, c) products of some columns after the active ones, (c,) those with the residual, (c,) energies before."""
-        whole = products(self.design, self.block, self.weights, columns, columns)
-        cross = products(self.design, self.block, self.weights, self.active, columns)
+        whole = self.told.products(columns, columns)
+        cross = self.told.of_active(self.active, columns)
         energy = np.diag(whole).copy()
-        return whole - cross.T @ self.solve(cross), self.right[columns] - cross.T @ self.value, energy
+        half = self.halfway(cross)
+        return whole - half.T @ half, self.right[columns] - cross.T @ self.value, energy
 
     def squares(self) -> Array:
         """(channels,) squared residual, not weighted."""
@@ -132,7 +118,7 @@ class Conditional:
     def squares_with(self, unknowns: Indices, value: Array, block: Block | None = None) -> Array:
         """(channels,) squared residual at given values of some unknowns, the others zero; on another block if given."""
         result = np.empty(len(self.design.channels))
-        for channel, gram in enumerate((block or self.block).grams):
+        for channel, gram in enumerate((block or self.told.block).grams):
             place = self.design.position[channel][unknowns]
             enters = place >= 0
             direction = np.append(-value[enters], 1.0)
@@ -140,39 +126,31 @@ class Conditional:
             result[channel] = direction @ gram[chosen[:, None], chosen] @ direction
         return result
 
-    def remaining(self, group: Group) -> tuple[Array, Array]:
-        """(k, c, c) products of each candidate's columns after the active ones, and (k, c) energies before."""
-        k, c = group.columns.shape
-        matrix = np.zeros((k, c, c))
-        for channel, gram in enumerate(self.block.grams):
-            place = self.design.position[channel][group.columns]
-            enters = place[:, 0] >= 0
-            inside = place[enters]
-            matrix[enters] += self.weights[channel] * gram[inside[:, :, None], inside[:, None, :]]
-        energy = np.einsum("kcc->kc", matrix).copy()
-        columns = group.columns.ravel()
-        cross = self.cross[:, columns].reshape(-1, k, c)
-        projected = self.projected[:, columns].reshape(-1, k, c)
-        matrix -= cross.transpose(1, 2, 0) @ projected.transpose(1, 0, 2)
-        return matrix, energy
+    def remaining(self, group: Group, own: Array | None = None) -> tuple[Array, Array]:
+        """(k, c, c) products of each candidate's columns after the active ones, and (k, c) energies before; ``own``
+        (k, c, c) of its own columns (`Weighted.of_each`), where they are known."""
+        if own is None:
+            own = self.told.of_each(group.columns)
+        half = self.rooted[group.columns]
+        return own - half @ half.transpose(0, 2, 1), np.einsum("kcc->kc", own)
 
-    def gains(self, groups: list[Group]) -> Array:
-        """(candidates,) log-likelihood gained by each candidate of the groups; others −inf."""
+    def gains(self, groups: Sequence[Group], own: Sequence[Array] | None = None) -> Array:
+        """(candidates,) log-likelihood gained by each candidate of the groups; others −inf. ``own`` of each group as
+        `remaining` takes it."""
         result = np.full(len(self.design.candidates), -np.inf)
-        for group in groups:
-            matrix, energy = self.remaining(group)
+        for number, group in enumerate(groups):
+            matrix, energy = self.remaining(group, None if own is None else own[number])
             score = self.score[group.columns][:, :, None]
             result[group.candidates] = bounded_gains(matrix, score, energy, group.lower, group.upper)[:, 0]
         return result
 
 
-def within_limits(
-    design: Design, block: Block, weights: Array, candidates: Sequence[Candidate], least: int = 0
-) -> Conditional:
+def within_limits(told: Weighted, candidates: Sequence[Candidate], least: int = 0) -> Conditional:
     """The given model with ``candidates``, fitted without coefficients that would be negative and cannot be, or
     positive: those are zero. The one farthest beyond, in its standard errors, goes first, as long as its candidate
     keeps ``least`` coefficients. Where some must be kept, only what is `Candidate.separable` goes.
     """
+    given = told.design.given
     owner = np.repeat(np.arange(len(candidates)), [len(c.columns) for c in candidates])
     columns = np.concatenate([np.zeros(0, dtype=np.intp), *(c.columns for c in candidates)])
     signs = [np.where(c.lower == 0.0, 1.0, np.where(c.upper == 0.0, -1.0, 0.0)) for c in candidates]
@@ -180,12 +158,12 @@ def within_limits(
     sign = np.concatenate([np.zeros(0), *(own * free for own, free in zip(signs, may_go, strict=True))])
     kept = np.ones(len(columns), dtype=bool)
     while True:
-        model = Conditional(design, block, weights, np.concatenate([np.arange(design.given), columns[kept]]))
+        model = Conditional(told, np.concatenate([np.arange(given), columns[kept]]))
         inside = np.zeros(len(columns))
-        inside[kept] = sign[kept] * model.value[design.given :]
+        inside[kept] = sign[kept] * model.value[given:]
         beyond = (inside < 0.0) & (np.bincount(owner[kept], minlength=len(candidates))[owner] > least)
         if not beyond.any():
             return model
         error = np.ones(len(columns))
-        error[kept] = np.sqrt(np.diag(model.covariance)[design.given :])
+        error[kept] = np.sqrt(np.diag(model.covariance)[given:])
         kept[np.argmin(np.where(beyond, inside / error, 0.0))] = False

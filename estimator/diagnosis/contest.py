@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.typical import against_typical
+from estimator.diagnosis.weighted import Weighted
 from estimator.effects import Signals
 
 Array = NDArray[np.float64]
@@ -62,6 +64,10 @@ class Contest:
         last = self.design.given + sum(len(c.columns) for c in self.design.candidates[: self.others])
         return np.arange(last)
 
+    @cached_property
+    def _told(self) -> Weighted:
+        return Weighted(self.design, self.known, self.weights)
+
     @property
     def rate(self) -> float:
         """Hz at which a planned motion is to be sampled."""
@@ -79,7 +85,7 @@ class Contest:
 
     def support(self, block: Block) -> Array:
         """(rivals,) nats by which each rival explains a block, less what its freedom costs."""
-        gains = Conditional(self.design, block, self.weights, self.active).gains(self._groups())
+        gains = Conditional(Weighted(self.design, block, self.weights), self.active).gains(self._groups())
         cost = 0.5 * float(np.log(block.rows))
         return np.array([float(np.max(gains[rival.candidates] - cost * rival.freedom)) for rival in self.rivals])
 
@@ -109,13 +115,13 @@ class Contest:
         if rival.hypothesis.place != finding.hypothesis.place:
             return None
         own = self._best(finding).columns
-        model = Conditional(self.design, block, self.weights, np.concatenate([self.active, own]))
+        model = Conditional(Weighted(self.design, block, self.weights), np.concatenate([self.active, own]))
         shapes = [self.design.candidates[k].columns for k in rival.candidates]
         return against_typical(model, finding.hypothesis.effect, int(own[0]), rival.hypothesis.effect, shapes)
 
     def _best(self, rival: Rival) -> Candidate:
         """A rival's candidate that explains most of the data so far."""
-        gains = Conditional(self.design, self.known, self.weights, self.active).gains(self._groups())
+        gains = Conditional(self._told, self.active).gains(self._groups())
         best: Candidate = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
         return best
 
@@ -124,7 +130,7 @@ class Contest:
         own = self._best(rival)
         active = np.concatenate([self.active, own.columns])
         value = np.zeros(self.design.size)
-        value[active] = Conditional(self.design, self.known, self.weights, active).value
+        value[active] = Conditional(self._told, active).value
         value[own.columns] = np.clip(value[own.columns], own.lower, own.upper)
         return value
 

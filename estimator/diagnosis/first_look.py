@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.conditional import products
 from estimator.diagnosis.design import Design, stretch_rows
 from estimator.diagnosis.grams import Sheet, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.turning import Turning, most_likely
+from estimator.diagnosis.weighted import Weighted
 from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]
@@ -77,16 +77,13 @@ def with_turns(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence
 def _fitted(look: Design, rows: Sequence[Sequence[Array]]) -> Array:
     """(size,) all unknowns together: all widths of a sign, all bristles, the viscous frictions and the given model's.
     What no sum of them explains of a reversal, no single one does; how it is shared among them does not matter."""
-    weights, everything = np.ones(len(look.channels)), np.arange(look.size)
     whole = total([Sheet(0, list(stretch), 0.0) for stretch in rows])
-    matrix = products(look, whole, weights, everything, everything)
+    told = Weighted(look, whole, np.ones(len(look.channels)))
+    matrix = told.with_all(np.arange(look.size))
     matrix[: look.given, : look.given] += look.precision
-    right = np.zeros(look.size)
-    for members, gram in zip(look.members, whole.grams, strict=True):
-        right[members] += gram[:-1, -1]
     diagonal = np.diag(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    solved, *_ = np.linalg.lstsq(matrix * np.outer(scale, scale), right * scale, rcond=_TOLD)
+    solved, *_ = np.linalg.lstsq(matrix * np.outer(scale, scale), told.with_residual * scale, rcond=_TOLD)
     return np.asarray(solved * scale)
 
 

@@ -17,6 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 from estimator.diagnosis.conditional import Conditional
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.grams import Block
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -55,7 +56,7 @@ def gains_carried_over(
     given, gains = np.arange(design.given), []
     for staying, out in parts:
         (there, told, energy), (more, anew, _) = (
-            Conditional(design, block, weights, given).left_of(causes) for block in (staying, out)
+            Conditional(Weighted(design, block, weights), given).left_of(causes) for block in (staying, out)
         )
         scale = 1.0 / np.sqrt(np.where(energy > 0.0, energy, 1.0))
         directions[:former, :former] = np.diag(scale[:former])
@@ -87,7 +88,7 @@ def unit_information(whole: Conditional, columns: Indices) -> Array:
     scale = np.where(energy > 0.0, 1.0 / np.sqrt(np.where(energy > 0.0, energy, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     told = values > _TOLD
-    return np.asarray(scale[:, None] * vectors[:, told] * np.sqrt(whole.block.rows / values[told]))
+    return np.asarray(scale[:, None] * vectors[:, told] * np.sqrt(whole.told.block.rows / values[told]))
 
 
 def log_evidence(model: Conditional, columns: Indices, prior: Array) -> float:

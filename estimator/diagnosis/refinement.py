@@ -13,6 +13,7 @@ from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, sum_up, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Stretch
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ def refine(
         stepped = [*trial, *_neighbours(trial, spans)]
         wide, block = pass_over(stepped)
         size = design.given + sum(len(c.columns) for c in trial)
-        model = Conditional(wide, block, weights, np.arange(size))
+        model = Conditional(Weighted(wide, block, weights), np.arange(size))
         gain = 0.5 * float(model.right[:size] @ model.value)
         if gain < best + _ENOUGH and np.isfinite(best):
             if gain > best:
@@ -105,10 +106,10 @@ def refine(
             break
     wide, block = pass_over([*candidates, *_neighbours(candidates, spans)])
     size = design.given + sum(len(c.columns) for c in candidates)
-    whole = Conditional(wide, block, weights, np.arange(size))
+    whole = Conditional(Weighted(wide, block, weights), np.arange(size))
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)
-    model = within_limits(own, block, weights, own.candidates)
+    model = within_limits(Weighted(own, block, weights), own.candidates)
     value = np.zeros(own.size)
     value[model.active] = model.value
     return Refined(own, value, covariance, model)
@@ -160,12 +161,11 @@ def _slopes(
 def _information(design: Design, model: Conditional, slopes: Array) -> tuple[Array, Array, Array]:
     """Schur complement of theta after the linear unknowns, its score, and the linear unknowns' response."""
     everything = np.arange(design.size)
-    whole = Conditional(design, model.block, model.weights, everything)
-    products = whole.cross
-    cross = slopes @ products[:, : len(model.active)]
+    whole = model.told.with_all(everything)
+    cross = slopes @ whole[:, : len(model.active)]
     response = model.solve(cross.T)
-    inner = slopes @ products @ slopes.T - cross @ response
-    score = slopes @ whole.right - cross @ model.value
+    inner = slopes @ whole @ slopes.T - cross @ response
+    score = slopes @ model.right - cross @ model.value
     return inner, score, response
 
 

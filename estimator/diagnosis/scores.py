@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.borne_out import BORNE_OUT, predicting
-from estimator.diagnosis.chance import Chance, drawn_noise, resample
-from estimator.diagnosis.conditional import Conditional, groups_of, products, within_limits
+from estimator.diagnosis.chance import Chance, drawn_noise
+from estimator.diagnosis.conditional import Conditional, groups_of, within_limits
 from estimator.diagnosis.design import Design, Hypothesis
 from estimator.diagnosis.exchange import Exchange
 from estimator.diagnosis.folds import Folds
 from estimator.diagnosis.grams import Block, Sheet, total, total_anew
 from estimator.diagnosis.maps import Map
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -71,14 +72,15 @@ class Scores:
         other._forget()
         rank = self.design.base.rank
         if not np.array_equal(precision[:rank, :rank], self.design.precision[:rank, :rank]):
-            other._plain, other._chance = other.model([]), None
+            other._plain = other.model([])
+            other._chance = Chance(other._plain, self._noise, self.chance)
         return other
 
     @property
     def chance(self) -> Chance:
         """What chance makes of the given model, at the weights that the noise gives; worked out when it is asked."""
         if self._chance is None:
-            self._chance = resample(self._plain, self.groups, self._noise)
+            self._chance = Chance(self._plain, self._noise)
         return self._chance
 
     def sharper(self, design: Design, blocks: Sequence[Block | Sheet]) -> Scores:
@@ -100,12 +102,14 @@ class Scores:
         self._held_out: dict[tuple[int, frozenset[int]], tuple[float, float]] = {}
         self._recurring: dict[tuple[int, frozenset[int]], float] = {}
         self._resemblance: dict[tuple[int, int], Array] = {}
+        self._own: list[Array] | None = None
+        self._told = Weighted(self.design, self.total, self.weights)
 
     def model(self, chosen: Sequence[int]) -> Conditional:
         """The given model with these candidates, fitted at the present weights. A part of a law that would have the
         wrong sign is not there; a law that has it as a whole keeps it, and is refused for that."""
         candidates = [self.design.candidates[k] for k in chosen]
-        return within_limits(self.design, self.total, self.weights, candidates, least=1)
+        return within_limits(self._told, candidates, least=1)
 
     def excess(self, chosen: Sequence[int]) -> Array:
         """(channels,) mean square of the whitened residual: one where only noise is left."""
@@ -167,7 +171,9 @@ class Scores:
         """(candidates,) log-likelihood that each candidate would add."""
         key = frozenset(chosen)
         if key not in self._gains:
-            self._gains[key] = self.model(chosen).gains(self.groups)
+            if self._own is None:
+                self._own = [self._told.of_each(group.columns) for group in self.groups]
+            self._gains[key] = self.model(chosen).gains(self.groups, self._own)
         return self._gains[key]
 
     def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
@@ -227,7 +233,7 @@ class Scores:
         columns = part.candidates[chosen.index(candidate)].columns
         rest = np.setdiff1d(np.arange(part.size), columns)
         for exchange, block in zip(exchanges, self._exchanged[tuple(chosen)], strict=True):
-            there, told, _ = Conditional(part, block, self.weights, rest).left_of(columns)
+            there, told, _ = Conditional(Weighted(part, block, self.weights), rest).left_of(columns)
             whole = float(value @ there @ value)
             least = _LEAST_EXCHANGED * float(value @ matrix @ value)
             yield float(value @ told) / whole if whole > least else exchange.untold
@@ -254,7 +260,7 @@ class Scores:
     def _explained_share(self, one: int, other: int) -> Array:
         first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
         both = np.concatenate([first, second])
-        squares = products(self.design, self.total, self.weights, both, both)
+        squares = self._told.products(both, both)
         cross, others = squares[: len(first), len(first) :], squares[len(first) :, len(first) :]
         explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
         energy = np.diag(squares)[: len(first)]

@@ -12,6 +12,7 @@ from estimator.diagnosis.design import Design, stretch_rows
 from estimator.diagnosis.grams import Block, sum_up
 from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.stretches import Stretch
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def left_out_power(
         out = [k for k, f in enumerate(folds) if f == fold]
         kept = [g - np.sum([whitened[k].grams[c] for k in out], axis=0) for c, g in enumerate(grams)]
         count = sum(b.rows for b in whitened) - sum(whitened[k].rows for k in out)
-        model = Conditional(design, Block(0, count, kept), weights, everything)
+        model = Conditional(Weighted(design, Block(0, count, kept), weights), everything)
         for k in out:
             square += residual_power(design, plain[k], model.value) * plain[k].rows
             rows += plain[k].rows

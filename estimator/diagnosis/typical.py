@@ -34,10 +34,11 @@ def against_typical(model: Conditional, plain: Law, column: int, wide: Law, shap
     against = []
     for columns in shapes:
         matrix, score, _ = model.left_of(columns)
+        taken = model.covariance[own] @ model.told.of_active(model.active, columns)
         ways = []
         for way in either:
             # The plain law alone has taken a part of what stands beside it: its level is less beside it.
-            whole = 1.0 + float(model.projected[own, columns] @ way)
+            whole = 1.0 + float(taken @ way)
             best = (told * whole * level + float(score @ way)) ** 2 / (told * whole**2 + float(way @ matrix @ way))
             ways.append(0.5 * (told * level**2 - best))
         against.append(min(ways))

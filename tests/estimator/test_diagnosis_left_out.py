@@ -16,6 +16,7 @@ from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, total, without_each
 from estimator.diagnosis.left_out import gains_carried_over, gains_left_out, log_evidence, unit_information
 from estimator.diagnosis.stretches import Channel
+from estimator.diagnosis.weighted import Weighted
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def models(design: Design, rows: Array) -> tuple[Conditional, list[Conditional]]
     whole = total(blocks)
     active = np.arange(design.given)
     sums = [whole, *without_each(whole, blocks, range(FOLDS))]
-    first, *others = (Conditional(design, block, np.ones(1), active) for block in sums)
+    first, *others = (Conditional(Weighted(design, block, np.ones(1)), active) for block in sums)
     return first, others
 
 

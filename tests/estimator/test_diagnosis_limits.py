@@ -20,6 +20,7 @@ from estimator.diagnosis.grams import Block
 from estimator.diagnosis.judging import _beyond_nothing
 from estimator.diagnosis.plainer import _as_named
 from estimator.diagnosis.stretches import Channel
+from estimator.diagnosis.weighted import Weighted
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def rows_of(design: Design, truth: Array) -> tuple[Array, Array, Block]:
 
 def test_parts_of_the_wrong_sign_are_not_there(design: Design) -> None:
     columns, residual, block = rows_of(design, np.array([2.0, -1.0, 0.5, 3.0]))
-    model = within_limits(design, block, np.ones(1), design.candidates)
+    model = within_limits(Weighted(design, block, np.ones(1)), design.candidates)
     value = np.zeros(design.size)
     value[model.active] = model.value
     np.testing.assert_allclose(value[design.given :], nnls(columns.T, residual)[0], atol=1e-5)
@@ -56,11 +57,11 @@ def test_parts_of_the_wrong_sign_are_not_there(design: Design) -> None:
 
 def test_a_law_of_the_wrong_sign_keeps_what_it_is_refused_for(design: Design) -> None:
     _, _, block = rows_of(design, np.array([-2.0, -1.0, 0.5, 3.0]))
-    model = within_limits(design, block, np.ones(1), design.candidates, least=1)
+    model = within_limits(Weighted(design, block, np.ones(1)), design.candidates, least=1)
     kept = model.active[design.given :] - design.given
     assert list(kept) == [1, 2, 3], "the one farther beyond goes first"
     assert model.value[design.given] < -0.5
-    assert len(within_limits(design, block, np.ones(1), design.candidates).active) == design.given + 2
+    assert len(within_limits(Weighted(design, block, np.ones(1)), design.candidates).active) == design.given + 2
 
 
 def test_a_payload_without_mass_is_no_payload(design: Design) -> None:
@@ -68,17 +69,17 @@ def test_a_payload_without_mass_is_no_payload(design: Design) -> None:
     _, _, block = rows_of(design, np.array([-2.0, 4.0, 0.5, 3.0]))
     lower = np.array([0.0, -np.inf])
     laws = [replace(design.candidates[0], lower=lower), design.candidates[1]]
-    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size
-    assert len(within_limits(design, block, np.ones(1), laws).active) == design.size - 1
+    assert len(within_limits(Weighted(design, block, np.ones(1)), laws, least=1).active) == design.size
+    assert len(within_limits(Weighted(design, block, np.ones(1)), laws).active) == design.size - 1
 
 
 def test_what_a_law_is_named_for_stays(design: Design) -> None:
     """A friction that drifts to less than nothing is refused: without its end it is no drift."""
     _, _, block = rows_of(design, np.array([2.0, -1.0, 0.5, 3.0]))
     laws = [replace(design.candidates[0], named_for=(0, 1)), design.candidates[1]]
-    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size
+    assert len(within_limits(Weighted(design, block, np.ones(1)), laws, least=1).active) == design.size
     laws[0] = replace(laws[0], named_for=(0,))
-    assert len(within_limits(design, block, np.ones(1), laws, least=1).active) == design.size - 1
+    assert len(within_limits(Weighted(design, block, np.ones(1)), laws, least=1).active) == design.size - 1
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 5.0), (-0.96, np.sqrt(48.04 / 0.0784))])

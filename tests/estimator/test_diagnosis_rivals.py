@@ -17,6 +17,7 @@ from estimator.diagnosis.grams import Block
 from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.stretches import Channel
 from estimator.diagnosis.typical import against_typical
+from estimator.diagnosis.weighted import Weighted
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]
@@ -236,7 +237,7 @@ def test_what_speaks_against_a_usual_form_is_the_misfit_of_that_form(
     told = np.eye(given)
     design = Design(body, base, (Channel("torque", 0),), (), candidates, told, (np.arange(base.rank),))
     whole = np.vstack([rows, residual])
-    model = Conditional(design, Block(0, 300, [whole @ whole.T]), np.ones(1), np.arange(given + 1))
+    model = Conditional(Weighted(design, Block(0, 300, [whole @ whole.T]), np.ones(1)), np.arange(given + 1))
 
     def misfit(last: Array) -> float:
         """Half the square of what is left, the given unknowns within their prior."""
