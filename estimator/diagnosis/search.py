@@ -134,10 +134,16 @@ class Search:
 
     def special(self, candidate: int, chosen: list[int]) -> list[int]:
         """The best supported special cases in the place of a cause, beside the others that were ``chosen``; empty where
-        there are none."""
+        there are none. Friction that falls as the speed rises is none that is dry and viscous, whose slope would be
+        negative."""
         hypothesis, others = self.scores.hypothesis(candidate), [c for c in chosen if c != candidate]
         made = (self._parts(some, self.design.candidates[candidate], others) for some in _made_of(hypothesis.effect))
-        return max(([*others, *parts] for parts in made if parts), key=self.scores.support, default=[])
+        ranked = sorted(([*others, *parts] for parts in made if parts), key=self.scores.support, reverse=True)
+        return next((trial for trial in ranked if set(trial[len(others) :]).isdisjoint(self._beyond(trial))), [])
+
+    def _beyond(self, chosen: list[int]) -> list[int]:
+        """Of the chosen, those beyond their limits by more than their error."""
+        return self.admission.beyond_limits(chosen, slack=1.0)
 
     def _parts(self, names: Sequence[str], candidate: Candidate, others: Sequence[int]) -> list[int]:
         """The candidates of these effects at the same place that add most to the others, each beside the rest of them:
@@ -200,7 +206,7 @@ class Search:
 
     def pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous or impossible, the least supported first."""
-        while wrong := self.admission.beyond_limits(chosen, slack=1.0):
+        while wrong := self._beyond(chosen):
             chosen = self._possible(chosen, wrong[0])
         return self._without_superfluous(chosen, least=0.0)
 
@@ -223,7 +229,7 @@ class Search:
         trials = [[c for c in chosen if c != k] for k in chosen if self.scores.hypothesis(k).place == place]
         if special := self.special(beyond, chosen):
             trials.append(special)
-        allowed = [t for t in trials if beyond not in t or beyond not in self.admission.beyond_limits(t, slack=1.0)]
+        allowed = [t for t in trials if beyond not in t or beyond not in self._beyond(t)]
         return max(allowed, key=self.scores.support)
 
     def _swapped(self, chosen: list[int]) -> list[int]:

@@ -21,6 +21,8 @@ TO_BAND = (0.3, 1.0, 3.0, 10.0)
 """Resonances to try, as multiples of the band in which torques are compared."""
 RATIOS = (0.03, 0.3)
 """Damping ratios to try."""
+IN_THE_LINK = (0.3, 0.6)
+"""Of the joint's own inertia, the motor's part to try where the encoder is on it, beside none."""
 
 
 class JointElasticity(JointEffect):
@@ -32,10 +34,11 @@ class JointElasticity(JointEffect):
         encoder on the motor:  (M − J)·δ'' + d·δ' + k·δ = τ(motor's motion); the link's torques are those at q − δ
         encoder on the link:   d·δ' + k·δ = τ(link's motion); the motor spends J·δ'' more
 
-    theta is k, the relaxation time d/k (they place resonance and damping), ``share``, ``side``. The coefficient is a
+    theta is ln k, the relaxation time d/k (they place resonance and damping), ``share``, ``side``. The coefficient is a
     free factor on δ, so that below the resonance, where only the size of δ tells, the stiffness is linear: k over the
-    coefficient. A model's bodies are the links alone, so ``share`` is zero for an encoder on the motor; what a link
-    encoder sees is the motor's inertia times 1/k, and the span of ``share`` is part of the stiffness' error.
+    coefficient. A URDF's bodies are the links alone, those of a model that was identified hold the rotors too: both are
+    tried for an encoder on the motor. What a link encoder sees is the motor's inertia times 1/k, and the span of
+    ``share`` is part of the stiffness' error.
     """
 
     name = "joint_elasticity"
@@ -49,11 +52,16 @@ class JointElasticity(JointEffect):
         joint = self.joint(place)
         inertia = scales.tau[joint] / scales.ddq[joint]
         frequencies = [2.0 * np.pi * scales.band * share for share in TO_BAND]
-        at_motor = [[inertia * w**2, 2.0 * ratio / w, 0.0, ON_MOTOR] for w in frequencies for ratio in RATIOS]
+        at_motor = [
+            [math.log((1.0 - share) * inertia * w**2), 2.0 * ratio / w, share, ON_MOTOR]
+            for w in frequencies
+            for share in (0.0, *IN_THE_LINK)
+            for ratio in (RATIOS[:1] if share else RATIOS)
+        ]
         # Seen from the link the spring does not swing: its stiffness is only a factor, and so nearly is the share.
         w = 2.0 * np.pi * scales.band
         pairs = zip(RATIOS, SHARES, strict=True)
-        at_link = [[inertia * w**2, 2.0 * ratio / w, share, ON_LINK] for ratio, share in pairs]
+        at_link = [[math.log(inertia * w**2), 2.0 * ratio / w, share, ON_LINK] for ratio, share in pairs]
         return np.array(at_motor + at_link)
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
@@ -61,7 +69,7 @@ class JointElasticity(JointEffect):
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint = self.joint(place)
-        stiffness, relaxation, share, side = map(float, theta)
+        stiffness, relaxation, share, side = math.exp(theta[0]), *map(float, theta[1:])
         transmission = Transmission.of(signals, joint, share, side)
         square = 0.0 if transmission.link_side else transmission.link_inertia / stiffness
         give = second_order_lag(transmission.torque, signals.period, relaxation, square) / stiffness
@@ -71,14 +79,14 @@ class JointElasticity(JointEffect):
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        stiffness = float(theta[0] / coefficients[0]) if coefficients[0] > 0.0 else math.inf
+        stiffness = math.exp(theta[0]) / float(coefficients[0]) if coefficients[0] > 0.0 else math.inf
         return {"stiffness": stiffness, "damping": float(theta[1]) * stiffness}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         stiffness, damping = (float(parameters[name]) for name in self.units)
         if math.isinf(stiffness):
-            return np.array([1.0, 0.0, 0.0, ON_MOTOR]), np.zeros(1)
-        return np.array([stiffness, damping / stiffness, 0.0, ON_MOTOR]), np.ones(1)
+            return np.array([0.0, 0.0, 0.0, ON_MOTOR]), np.zeros(1)
+        return np.array([math.log(stiffness), damping / stiffness, 0.0, ON_MOTOR]), np.ones(1)
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         self.simulate_fitted(place, parameters, plant, None)
