@@ -52,7 +52,7 @@ def diagnose(
     evidence, scores, refined, findings = judged.evidence, judged.scores, judged.named, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
-    unexplained = unexplained_by(evidence, judged.widest, judged.refined, chosen, judged.nameless)
+    unexplained = unexplained_by(evidence, judged.widest, judged.refined, chosen, judged.nameless, judged.instead)
     sizes, units = smallest_detectable(scores, chosen)
     return Diagnosis(
         joints=body.joints,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
 
 from estimator.diagnosis.accuracy import Searched, searched
+from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
@@ -17,8 +18,9 @@ from estimator.diagnosis.left_noise import by_what_is_left
 from estimator.diagnosis.plainer import fitted, not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.quantities import quantities
 from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
@@ -53,6 +55,8 @@ class Judged:
     it."""
     named: Refined
     """With the candidates of the findings alone, as they were fitted beside those."""
+    instead: tuple[tuple[int, ...], ...]
+    """What stands, with an alternative that is as good in the place of a cause."""
 
 
 def judge(evidence: Evidence) -> Judged:
@@ -64,7 +68,7 @@ def judge(evidence: Evidence) -> Judged:
         found = searched(evidence)
     stood, refined = _standing(found)
     for _ in range(_SHARPER):
-        sharp = sharpened(evidence, found, stood, refined)
+        sharp = sharpened(evidence, found, stood, refined) or _nearly_borne_out(evidence, found, stood)
         if sharp is None:
             break
         evidence, found = sharp, _with_what_stood(searched(sharp, replace(found, chosen=stood)), stood)
@@ -88,7 +92,29 @@ def judge(evidence: Evidence) -> Judged:
         findings=tuple(compress(told, known)),
         nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
         named=named.only([number for number, is_known in enumerate(known) if is_known]),
+        instead=tuple(_instead(scores, stood, seen)),
     )
+
+
+def _instead(scores: Scores, stood: Sequence[int], causes: Sequence[Cause]) -> Iterator[tuple[int, ...]]:
+    """What ``stood``, with each alternative of each cause that is as good, in the place of that and of all that it
+    contains."""
+    contained = Search(scores).admission.contained
+    for cause in causes:
+        for other in (a.candidate for a in cause.alternatives if a.gap < AMBIGUOUS):
+            left = [k for k in stood if k not in (cause.candidate, other) and not contained(k, other)]
+            yield (*left, other)
+
+
+def _nearly_borne_out(evidence: Evidence, found: Searched, stood: list[int]) -> Evidence | None:
+    """The evidence with the best shape of the law that all but the rows left out would admit beside what stands: a
+    contact that the grid has begin half a second late predicts no other motion. None where there is no such law, or its
+    shape is sharp enough."""
+    refused = Admission(found.scores).one_sided(stood)
+    if refused is None:
+        return None
+    trial = [*stood, refused]
+    return sharpened(evidence, found, trial, fitted(evidence, found.scores, trial))
 
 
 def _with_what_stood(found: Searched, stood: list[int]) -> Searched:

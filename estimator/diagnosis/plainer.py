@@ -162,7 +162,7 @@ def _told_beside(law: Law) -> set[str]:
 def _agreed(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
     """The causes with a law that could stand for two of a place as far behind the one as behind the other, where it is
     known what it usually has beside that (`Law.typical`): a rise from rest is one of a dry friction, and where that has
-    none, the viscous one beside it has none."""
+    none, the viscous one beside it has none. An offset beside a dry friction is what makes that larger one way."""
     behind = {
         (cause.candidate, int(scores.owner[other.candidate])): other.gap
         for cause in causes
@@ -176,7 +176,8 @@ def _agreed(scores: Scores, causes: Sequence[Cause]) -> list[Cause]:
         for other in cause.alternatives:
             law, place = (h := scores.hypothesis(other.candidate)).effect, h.place
             usual = [k for k in there if scores.hypothesis(k).effect.name in law.typical]
-            if place == own.place and own.effect.name in law.contains and own.effect.name not in law.typical and usual:
+            part = own.effect.name in {*law.contains, *law.made_with} - set(law.typical)
+            if place == own.place and part and usual:
                 other = replace(other, gap=behind.get((usual[0], int(scores.owner[other.candidate])), other.gap))
             told.append(other)
         result.append(replace(cause, alternatives=tuple(sorted(told, key=lambda one: one.gap))))

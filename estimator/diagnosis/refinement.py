@@ -12,6 +12,7 @@ from estimator.diagnosis.conditional import Conditional, within_limits
 from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.grams import Block, sum_up, total
 from estimator.diagnosis.noise import Noise
+from estimator.diagnosis.scanning import scanned
 from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.weighted import Weighted
 
@@ -77,12 +78,12 @@ def refine(
 ) -> Refined:
     """Improves theta of the chosen candidates within the span of their grids, and tells the errors of everything."""
     spans = [_span(design, k) for k in chosen]
-    candidates = [design.candidates[k] for k in chosen]
 
     def pass_over(wanted: Sequence[Candidate]) -> tuple[Design, Block]:
         own = design.with_candidates(wanted)
         return own, total(sum_up(own, pieces, decimations, noise))
 
+    candidates = scanned(design, chosen, weights, pass_over)
     best: float = -np.inf
     step = np.zeros(0)
     trial = late = candidates

@@ -23,10 +23,16 @@ VISIBLE = 0.35
 
 
 def unexplained_by(
-    evidence: Evidence, scores: Scores, refined: Refined, chosen: list[int], nameless: Sequence[Finding]
+    evidence: Evidence,
+    scores: Scores,
+    refined: Refined,
+    chosen: list[int],
+    nameless: Sequence[Finding],
+    instead: Sequence[Sequence[int]] = (),
 ) -> dict[int, Unexplained]:
     """By joint, the torques whose residual is beyond the noise: as a whole, as a function of one quantity, as by a law
-    that one part of the motions alone shows, or as by one at a shape that makes it ``nameless``."""
+    that one part of the motions alone shows, or as by one at a shape that makes it ``nameless``. What goes with a
+    quantity and is not left by causes that are as good, ``instead`` of the chosen, has their names."""
     rows = scores.total.rows
     before = scores.model([]).squares() / rows
     after = refined.model.squares() / rows
@@ -37,6 +43,7 @@ def unexplained_by(
         misfit = found[channel]
         # An assumed noise has an assumed colour: within it no pattern is more than that.
         told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
+        told = told and all(misfits(scores, list(others))[channel].told for others in instead)
         # A noise that is less than it was taken for is at most what such a pattern leaves.
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise

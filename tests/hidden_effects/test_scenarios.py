@@ -20,7 +20,15 @@ from benchmarks.campaign.plans import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.playing import Run, play
 from benchmarks.campaign.scenario import Staged, mechanics, size_of, stage
 from benchmarks.campaign.sealing import QUESTION, Envelope, Question, found_sealed, seal
-from benchmarks.campaign.sizing import BAND_HZ, Scale, amplitude_for, finely_counted, folded_rms, noise_rms, unexplained
+from benchmarks.campaign.sizing import (
+    BAND_HZ,
+    Scale,
+    amplitude_for,
+    finely_counted,
+    folded_rms,
+    noise_in_band,
+    unexplained,
+)
 from config.motion import check_motion
 from driver.recording import read_recording
 from virtual_hw.hidden import HiddenMechanics
@@ -79,7 +87,7 @@ def test_a_clean_arm_is_explained_by_its_bodies_far_below_the_noise(arm: str) ->
     playlist = draw_playlist(true.installation, np.random.default_rng([3333, 6, 1]), 24.0)
     clean = mechanics(true, [], [])
     runs = play(finely_counted(true.installation), clean, replace(playlist, order=("a", "b", "c")), seed=0)
-    noise = noise_rms([sensor.noise for sensor in true.noise.torque_sensor], seed=0)
+    noise = noise_in_band([sensor.noise for sensor in true.noise.torque_sensor], seed=0)
     assert np.all(unexplained(runs, true.installation, clean) < 0.1 * noise)
 
 
