@@ -8,6 +8,9 @@ from numpy.random import Generator
 from benchmarks.campaign.arms import TrueArm
 from benchmarks.campaign.cause import Cause, Draw, Tables, named
 
+BEYOND_TOLERANCE = 0.15
+"""Of a link's mass: three times the finder's tolerance, within which a link that is off is none."""
+
 
 def link_inertia(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     link = arm.link_of(joint)
@@ -24,7 +27,9 @@ def link_inertia(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     answers = named("link_inertia", joint, link, None)
     # A body on the last link and a load at the tool are one and the same thing.
     answers |= named("payload", None) if joint == arm.joints[-1] else frozenset()
-    return Cause("link_inertia", answers, tables, 0.5, 4.0 if body.mass > 0.0 else 0.0)
+    # Of the first link nothing acts but its inertia about the axis, as of a rotor there.
+    answers |= named("rotor_inertia", joint) if joint == arm.joints[0] else frozenset()
+    return Cause("link_inertia", answers, tables, 0.5, 4.0 if body.mass > 0.0 else 0.0, least=BEYOND_TOLERANCE)
 
 
 def payload(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:

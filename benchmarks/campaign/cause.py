@@ -26,7 +26,7 @@ class Cause:
         answers: the answers that are right; none for what the catalogue does not have.
         start: an amplitude to begin the search for the wanted size with.
         limit: the largest amplitude that leaves the arm usable.
-        least: the smallest that the plant can step.
+        least: the smallest that the plant can step, or that the given model's tolerance does not hold.
         truth: the catalogue's parameters at an amplitude, where the two forms have them in common.
         excused: answers that are not the right ones, and not wrong either.
         taken_from_link: rotor inertia, kg·m² by joint, that the tables bring as a mass of its own.

@@ -117,6 +117,9 @@ def _named(finding: Mapping[str, Any]) -> Named:
 def _outcome(cause: TrueCause, named: Sequence[Named], sets: Sequence[frozenset[Named]]) -> Outcome:
     if any(name in cause.answers for name in named):
         return "named"
+    # Where all names that are left mean the same thing, there is nothing to decide.
+    if any(one <= cause.answers for one in sets):
+        return "named"
     return "in a set" if any(one & cause.answers for one in sets) else "missed"
 
 

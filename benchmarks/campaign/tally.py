@@ -76,7 +76,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
         _gain(judged),
         _median("seconds a diagnosis, median", [j.seconds for j in judged]),
     ]
-    return figures + _recorded_noise([j.truth for j in judged])
+    return figures + _noise([j.truth for j in judged])
 
 
 def _share(
@@ -101,13 +101,19 @@ def _gain(judged: Iterable[Judgement]) -> CampaignFigure:
     )
 
 
-def _recorded_noise(truths: Sequence[Truth]) -> list[CampaignFigure]:
-    """By arm: an effect of size one is that much smaller beside what its recordings really have."""
-    by_arm: dict[str, list[float]] = {}
-    for truth in truths:
-        if truth.recorded_noise is not None:
-            by_arm.setdefault(truth.arm, []).append(truth.recorded_noise)
-    return [_median(f"torque noise as recorded / of the sensors, {arm}", by_arm[arm]) for arm in sorted(by_arm)]
+def _noise(truths: Sequence[Truth]) -> list[CampaignFigure]:
+    """By arm: what its recordings have beside its sensors' noise, and what the unit of sizes is in the band that is
+    compared."""
+    figures = []
+    for arm in sorted({truth.arm for truth in truths}):
+        own = [truth for truth in truths if truth.arm == arm]
+        recorded = [x for truth in own if (x := truth.recorded_noise) is not None]
+        unit = [x for truth in own if (x := truth.deviation_in_band) is not None]
+        figures += [
+            _median(f"torque noise as recorded / of the sensors, {arm}", recorded),
+            _median(f"size one, in multiples of the noise below 15 Hz, {arm}", unit),
+        ]
+    return figures
 
 
 def mistaken(judged: Iterable[Judgement]) -> list[tuple[str, str, int]]:

@@ -12,9 +12,12 @@ from benchmarks.campaign.cause import Cause, Draw, limit_nm, named, top_speed
 def rotor(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     body = arm.bodies[arm.link_of(joint)]
     own = float(body.inertia[2, 2] + body.mass * (body.centre[0] ** 2 + body.centre[1] ** 2))
+    answers = named("rotor_inertia", joint)
+    # Of the first link nothing acts but its inertia about the axis, as of a rotor there.
+    answers |= named("link_inertia", joint) if joint == arm.joints[0] else frozenset()
     return Cause(
         "rotor_inertia",
-        named("rotor_inertia", joint),
+        answers,
         lambda a: {"rotor_inertia": [{"joint": joint, "inertia_kg_m2": a}]},
         0.3 * own,
         10 * own,

@@ -37,7 +37,7 @@ def scanned(
     stay. ``pass_over`` makes the products of any candidates' columns."""
     candidates = [design.candidates[k] for k in chosen]
     steps = [_steps(design, k) for k in chosen]
-    if not any(np.any(step > 0.0) for step in steps):
+    if not any(np.any(step) for step in steps):
         return candidates
     idle = 0
     for half in range(1, _HALVES + 1):
@@ -60,25 +60,25 @@ def scanned(
 
 
 def _steps(design: Design, candidate: int) -> Array:
-    """(p,) from a candidate's theta to the nearest other one of its grid, entry by entry; zero for what stays."""
+    """(2, p) from a candidate's theta down and up to the next ones of its grid, entry by entry; zero for what stays."""
     own = design.candidates[candidate]
     effect, place = design.hypotheses[own.hypothesis].effect, design.hypotheses[own.hypothesis].place
     stays = {*effect.hidden, *effect.choices} | (set(range(len(own.theta))) if effect.timed(place) else set())
     grid = np.array([c.theta for c in design.candidates if c.hypothesis == own.hypothesis])
     same = grid[np.all(grid[:, list(effect.choices)] == own.theta[list(effect.choices)], axis=1)]
-    result = np.zeros(len(own.theta))
+    result = np.zeros((2, len(own.theta)))
     for k in set(range(len(own.theta))) - stays:
-        apart = np.abs(same[:, k] - own.theta[k])
-        if np.any(apart > 0.0):
-            result[k] = apart[apart > 0.0].min()
-    return result
+        apart = same[:, k] - own.theta[k]
+        result[0, k] = np.max(apart[apart < 0.0], initial=-np.inf)
+        result[1, k] = np.min(apart[apart > 0.0], initial=np.inf)
+    return np.where(np.isfinite(result), result, 0.0)
 
 
 def _moved(candidate: Candidate, step: Array) -> list[Candidate]:
+    """With each entry of theta a ``step`` (2, p) down and up."""
     result = []
-    for k in np.flatnonzero(step > 0.0):
-        for way in (-1.0, 1.0):
-            theta = candidate.theta.copy()
-            theta[k] += way * step[k]
-            result.append(replace(candidate, theta=theta))
+    for way, k in zip(*np.nonzero(step), strict=True):
+        theta = candidate.theta.copy()
+        theta[k] += step[way, k]
+        result.append(replace(candidate, theta=theta))
     return result

@@ -46,7 +46,7 @@ def errors_told(scores: Scores, joint: int) -> float:
 def test_a_spring_that_would_have_been_seen_is_as_soft_as_its_faintest_shape(scores: Scores, joint: int) -> None:
     """Of a stiffness, which is endless where there is no elasticity, the smallest value is the largest effect."""
     sizes, units = smallest_detectable(scores, [])
-    softest = min(theta[0] / error for theta, error in told_by_shape(scores, "joint_elasticity", joint))
+    softest = min(np.exp(theta[0]) / error for theta, error in told_by_shape(scores, "joint_elasticity", joint))
     assert units["joint_elasticity"] == "N·m/rad"
     assert sizes["joint_elasticity"][joint] == pytest.approx(softest / errors_told(scores, joint))
 

@@ -75,6 +75,13 @@ def test_the_right_name_on_another_joint_is_wrong() -> None:
     assert j.parameters == ()
 
 
+def test_names_that_mean_the_same_thing_leave_nothing_to_decide() -> None:
+    same = answer("ambiguous", finding("payload", None, "ambiguous", (("link_inertia", "link6"),)))
+    assert judge(true(PAYLOAD), same, 0.5).right
+    other = answer("ambiguous", finding("payload", None, "ambiguous", (("encoder_offset", "joint6"),)))
+    assert judge(true(PAYLOAD), other, 0.5).outcomes == ("in a set",)
+
+
 def test_a_second_name_that_is_not_there_spoils_a_right_one() -> None:
     j = judge(true(COULOMB), answer("named", finding("coulomb_friction", "joint2"), finding("backlash", "joint1")), 0.5)
     assert j.outcomes == ("named",)
