@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,19 +232,29 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
             yield number, (signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
         # A channel that is late by δ reads x(t) − δ·dx/dt.
         yield number, -slope[channel.equation][:, [channel.index]].T
-    for candidate in design.candidates:
-        values = candidate_columns(design, candidate, signals)
-        for row, channel_index in enumerate(candidate.channels):
-            yield channel_index, values[:, row].T
+    for number, of_one in groupby(design.candidates, key=lambda candidate: candidate.hypothesis):
+        candidates, hypothesis = list(of_one), design.hypotheses[number]
+        thetas = [candidate.theta for candidate in candidates]
+        made = hypothesis.effect.columns_of_each(hypothesis.place, signals, thetas)
+        for candidate, columns in zip(candidates, made, strict=True):
+            values = _with_speeds(hypothesis, candidate, signals, columns)
+            for row, channel_index in enumerate(candidate.channels):
+                yield channel_index, values[:, row].T
 
 
 def candidate_columns(design: Design, candidate: Candidate, signals: Signals) -> Array:
     """(samples, channels, c) of a candidate, in the order of its channels."""
-    effect, place = (hypothesis := design.hypotheses[candidate.hypothesis]).effect, hypothesis.place
-    columns = effect.columns(place, signals, candidate.theta)
+    hypothesis = design.hypotheses[candidate.hypothesis]
+    columns = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)
+    return _with_speeds(hypothesis, candidate, signals, columns)
+
+
+def _with_speeds(hypothesis: Hypothesis, candidate: Candidate, signals: Signals, columns: Array) -> Array:
+    """A candidate's columns, with those of the speeds where it enters them."""
     if columns.shape[1] == len(candidate.channels):
         return columns
-    return np.concatenate([columns, effect.speed_columns(place, signals, candidate.theta)], axis=1)
+    speeds = hypothesis.effect.speed_columns(hypothesis.place, signals, candidate.theta)
+    return np.concatenate([columns, speeds], axis=1)
 
 
 def candidate_rows(

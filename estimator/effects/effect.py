@@ -18,7 +18,7 @@ needs; maps have no more.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -140,6 +140,10 @@ class Law(ABC):
     @abstractmethod
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         """(samples, rows, c) for theta (p,): per unit of each of the c coefficients."""
+
+    def columns_of_each(self, place: Place, signals: Signals, thetas: Sequence[Array]) -> Iterator[Array]:
+        """`columns` for one theta after the other, for laws that make many at once sooner than one by one."""
+        return (self.columns(place, signals, theta) for theta in thetas)
 
     def speed_rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         """Beside an equation of torques: the joints where it makes speeds differ from the slopes of the angles, which

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from estimator.kinematics import tip_positions
+from estimator.kinematics import tip_jacobian, tip_positions
 from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody
 
@@ -135,11 +135,8 @@ class Signals:
     @cached_property
     def reach(self) -> Array:
         """(samples, n, 3) N·m of each joint for a unit force of the arm on the world, along x, y, z of the base, at the
-        origin of the last link's frame: the transposed Jacobian, which is what holds a unit mass there."""
-        still, mass = np.zeros_like(self.q), np.zeros(10 * self.body.n)
-        mass[-10] = 1.0
-        held = [inverse_dynamics(replace(self.body, gravity=-axis), mass, self.q, still, still) for axis in np.eye(3)]
-        return np.stack(held, axis=2)
+        origin of the last link's frame: its transposed Jacobian."""
+        return tip_jacobian(self.body, self.q)
 
     @cached_property
     def tip(self) -> Array:

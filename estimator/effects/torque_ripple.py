@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.waves import amplitude_and_phase, coefficients_of, orders, quadratures
+from estimator.effects.waves import amplitude_and_phase, coefficients_of, each_quadratures, orders
 from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
@@ -30,8 +31,12 @@ class TorqueRipple(JointEffect):
         return orders(scales, self.joint(place))[:, None]
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
+        return next(self.columns_of_each(place, signals, [theta]))
+
+    def columns_of_each(self, place: Place, signals: Signals, thetas: Sequence[Array]) -> Iterator[Array]:
         joint = self.joint(place)
-        return (signals.tau_rigid[:, [joint]] * quadratures(theta[0] * signals.q[:, joint]))[:, None, :]
+        for waves in each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint]):
+            yield (signals.tau_rigid[:, [joint]] * waves)[:, None, :]
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         amplitude, phase = amplitude_and_phase(coefficients)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ Array = NDArray[np.float64]
 
 MOST_ORDERS = 96
 """More are not tried; the highest are then left out."""
+_EVENLY = 1e-9
+"""Of the distance of orders, by which those may differ that are evenly spaced."""
 _LEAST_REACH = 1e-3
 """rad; in less, no order is told from another."""
 
@@ -31,6 +34,19 @@ def orders(scales: Scales, joint: int) -> Array:
 def quadratures(angle: Array) -> Array:
     """(samples, 2): sine and cosine."""
     return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+
+
+def each_quadratures(orders: Sequence[float], angle: Array) -> Iterator[Array]:
+    """`quadratures` of the angle times each order. Of orders as far from each other, each is the one before turned on:
+    a product instead of two transcendental functions a sample."""
+    apart = np.diff(orders)
+    if len(apart) < 2 or np.ptp(apart) > _EVENLY * abs(apart[0]):
+        yield from (quadratures(order * angle) for order in orders)
+        return
+    turn, wave = np.exp(1j * apart[0] * angle), np.exp(1j * orders[0] * angle)
+    for _ in orders:
+        yield np.stack([wave.imag, wave.real], axis=1)
+        wave *= turn
 
 
 def amplitude_and_phase(coefficients: Array) -> tuple[float, float]:

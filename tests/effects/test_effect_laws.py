@@ -17,6 +17,7 @@ from estimator.effects import Place, Signals, effect
 from estimator.effects.backlash import play
 from estimator.effects.presliding import bristle
 from estimator.effects.second_order import resonated, second_order_lag
+from estimator.effects.waves import each_quadratures
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
 
@@ -252,3 +253,12 @@ def test_wrench_effects_are_what_the_sensor_says(signals: Signals) -> None:
     np.testing.assert_allclose(wrench + added("wrench_misalignment", rotation=turn), turned, atol=1e-4)
     with pytest.raises(InputError, match="no load"):
         effect("wrench_gain").columns(place, replace(signals, load_wrench=None), np.zeros(0))
+
+
+@pytest.mark.parametrize("orders", [(7.0,), (1.0, 2.5, 4.0, 5.5), (1.0, 2.5, 3.9, 7.0), (36.0, 12.0)])
+def test_waves_of_many_orders_are_those_of_each(signals: Signals, orders: tuple[float, ...]) -> None:
+    angle = signals.q[:, 1]
+    made = list(each_quadratures(orders, angle))
+    assert len(made) == len(orders)
+    for order, waves in zip(orders, made, strict=True):
+        np.testing.assert_allclose(waves, np.stack([np.sin(order * angle), np.cos(order * angle)], axis=1), atol=1e-12)
