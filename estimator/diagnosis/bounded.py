@@ -45,7 +45,25 @@ def _inverse(matrix: Array, energy: Array) -> Array:
     if matrix.shape[1] == 1:
         alone = matrix[:, 0] * scale**2
         return np.asarray(np.where(alone > _SINGULAR, scale**2 / np.maximum(alone, _SINGULAR), 0.0)[:, :, None])
-    values, vectors = np.linalg.eigh(matrix * scale[:, :, None] * scale[:, None, :])
+    matrix = matrix * scale[:, :, None] * scale[:, None, :]
+    if matrix.shape[1] == 2:
+        return _inverse_of_two(matrix) * scale[:, :, None] * scale[:, None, :]
+    return _pseudo_inverse(matrix) * scale[:, :, None] * scale[:, None, :]
+
+
+def _inverse_of_two(matrix: Array) -> Array:
+    """Of (k, 2, 2), by Cramer's rule where both directions are told: most candidates have two columns."""
+    (a, b), (_, d) = matrix.transpose(1, 2, 0)
+    told = 0.5 * (a + d) - np.hypot(0.5 * (a - d), b) > _SINGULAR
+    determinant = np.where(told, a * d - b * b, 1.0)
+    result = np.array([[d, -b], [-b, a]]).transpose(2, 0, 1) / determinant[:, None, None]
+    if not told.all():
+        result[~told] = _pseudo_inverse(matrix[~told])
+    return np.asarray(result)
+
+
+def _pseudo_inverse(matrix: Array) -> Array:
+    """Of normalised products (k, c, c), without directions of which next to nothing is left."""
+    values, vectors = np.linalg.eigh(matrix)
     inverse = np.where(values > _SINGULAR, 1.0 / np.maximum(values, _SINGULAR), 0.0)
-    inner = np.einsum("kab,kb,kcb->kac", vectors, inverse, vectors)
-    return np.asarray(inner * scale[:, :, None] * scale[:, None, :])
+    return np.asarray((vectors * inverse[:, None, :]) @ vectors.swapaxes(1, 2))

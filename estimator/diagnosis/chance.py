@@ -107,7 +107,9 @@ def drawn_noise(model: Conditional, seed: int = 0) -> Array:
         inner = gram[:-1, :-1]
         # Columns of very different size: rounding of the largest must not be the noise of the smallest.
         norms = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
-        normal = inner / np.outer(norms, norms) + _RIDGE * np.eye(len(norms))
-        root = norms[:, None] * np.linalg.cholesky(normal)
-        result[members] += np.sqrt(weight) * (root @ random.standard_normal((len(members), DRAWS)))
+        normal = inner / norms
+        normal /= norms[:, None]
+        normal.flat[:: len(norms) + 1] += _RIDGE
+        drawn = np.linalg.cholesky(normal) @ random.standard_normal((len(members), DRAWS))
+        result[members] += (np.sqrt(weight) * norms)[:, None] * drawn
     return result
