@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.answer import Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.bent_links import bent
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
 from estimator.diagnosis.first_body import has_bodies
@@ -96,7 +97,7 @@ def _held_out(
     design = refined.design
     chosen = torque_channels(design)
     if hold_out:
-        pieces = cut(body, evidence.grid, hold_out)
+        pieces = bent(cut(body, evidence.grid, hold_out), evidence.bend)
         whole = total(plain_blocks(design, pieces, [evidence.grid.decimation(p.signals.period) for p in pieces]))
         before, after = (
             residual_power(design, whole, np.zeros(design.size)),
@@ -120,7 +121,7 @@ def _held_out(
 
 def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:
     """Shown on what was held out where there is some."""
-    shown = cut(body, evidence.grid, hold_out) if hold_out else evidence.pieces
+    shown = bent(cut(body, evidence.grid, hold_out), evidence.bend) if hold_out else evidence.pieces
     return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.likely, body.joints)
 
 

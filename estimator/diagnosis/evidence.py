@@ -57,6 +57,8 @@ class Evidence:
     """The pieces with the slow part of their motion alone; made when they are first asked for."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
+    bend: Array | None = None
+    """(10·n,) by which the links differ from the given ones of whose torques laws are made; None: they do not."""
 
 
 def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:

@@ -11,6 +11,7 @@ import numpy as np
 from estimator.diagnosis.accuracy import Searched, searched
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding
+from estimator.diagnosis.bent_links import with_bent_links
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
@@ -67,6 +68,9 @@ def judge(evidence: Evidence) -> Judged:
         evidence = by_what_is_left(evidence, found.scores, found.chosen)
         found = searched(evidence)
     stood, refined = _standing(found)
+    if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
+        evidence, found = other, searched(other)
+        stood, refined = _standing(found)
     for _ in range(_SHARPER):
         sharp = sharpened(evidence, found, stood, refined) or _nearly_borne_out(evidence, found, stood)
         if sharp is None:

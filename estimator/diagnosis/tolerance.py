@@ -49,9 +49,19 @@ def timing_precision(channels: Sequence[Channel], rate: float) -> Array:
 
 
 def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> Array:
-    """(rank, rank) inverse covariance of the base parameters' deviations, every link's inertial parameters being right
-    to a relative ``tolerance`` (standard deviation): as a body (`estimator.consistency.prior_precision`), and as the
-    numbers that a URDF has of it (`_by_numbers`).
+    """(rank, rank) inverse covariance of the base parameters' deviations under `link_covariance`."""
+    spread = base.combination @ link_covariance(body, tolerance) @ base.combination.T
+    scale = np.sqrt(np.diag(spread))
+    # Bodies that are all but flat or a point leave combinations that may hardly vary: bounded, so that they invert.
+    values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
+    kept = np.maximum(values, _STIFFEST * values[-1])
+    return np.asarray((vectors / kept) @ vectors.T / np.outer(scale, scale))
+
+
+def link_covariance(body: RigidBody, tolerance: float) -> Array:
+    """(10·n, 10·n) covariance of the inertial parameters, every link's being right to a relative ``tolerance``
+    (standard deviation): as a body (`estimator.consistency.prior_precision`), and as the numbers that a URDF has of it
+    (`_by_numbers`).
 
     A link without mass is not modelled at all: its parameters are free.
     """
@@ -63,12 +73,7 @@ def base_precision(body: RigidBody, base: BaseParameters, tolerance: float) -> A
             covariance[span, span] += (_OF_NUMBERS * tolerance) ** 2 * _by_numbers(parameters)
         else:
             covariance[span, span] = _UNTOLD**2 * np.eye(10)
-    spread = base.combination @ covariance @ base.combination.T
-    scale = np.sqrt(np.diag(spread))
-    # Bodies that are all but flat or a point leave combinations that may hardly vary: bounded, so that they invert.
-    values, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
-    kept = np.maximum(values, _STIFFEST * values[-1])
-    return np.asarray((vectors / kept) @ vectors.T / np.outer(scale, scale))
+    return covariance
 
 
 def _by_numbers(parameters: Array) -> Array:
