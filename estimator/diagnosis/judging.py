@@ -61,8 +61,9 @@ class Judged:
 
 
 def judge(evidence: Evidence) -> Judged:
-    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave; and
-    where their laws' shapes on the grid are not sharp enough, with those that fit best."""
+    """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave;
+    where their laws go with torques that the given links do not have, with those that were fitted; and where their
+    shapes on the grid are not sharp enough, with those that fit best."""
     found = searched(evidence)
     if not evidence.noise.playings:
         evidence = by_what_is_left(evidence, found.scores, found.chosen)
