@@ -34,7 +34,7 @@ def scanned(
     pass_over: Callable[[Sequence[Candidate]], tuple[Design, Block]],
 ) -> list[Candidate]:
     """The chosen candidates with the best of the theta that are tried; those that only shape a sign, or are a choice,
-    stay. ``pass_over`` makes the products of any candidates' columns."""
+    stay, and all of dry frictions, which slopes lead to. ``pass_over`` makes the products of any columns."""
     candidates = [design.candidates[k] for k in chosen]
     steps = [_steps(design, k) for k in chosen]
     if not any(np.any(step) for step in steps):
@@ -63,7 +63,9 @@ def _steps(design: Design, candidate: int) -> Array:
     """(2, p) from a candidate's theta down and up to the next ones of its grid, entry by entry; zero for what stays."""
     own = design.candidates[candidate]
     effect, place = design.hypotheses[own.hypothesis].effect, design.hypotheses[own.hypothesis].place
-    stays = {*effect.hidden, *effect.choices} | (set(range(len(own.theta))) if effect.timed(place) else set())
+    if effect.dry or effect.timed(place):
+        return np.zeros((2, len(own.theta)))
+    stays = {*effect.hidden, *effect.choices}
     grid = np.array([c.theta for c in design.candidates if c.hypothesis == own.hypothesis])
     same = grid[np.all(grid[:, list(effect.choices)] == own.theta[list(effect.choices)], axis=1)]
     result = np.zeros((2, len(own.theta)))
