@@ -232,6 +232,28 @@ def test_what_one_part_of_the_motions_shows_is_told_from_a_hundredth_on(
     assert (0 in left) is flagged
 
 
+@pytest.mark.parametrize("leaves_it_too", [False, True])
+def test_what_a_cause_as_good_does_not_leave_is_not_unexplained(
+    gathered: Callable[[Friction], Evidence], monkeypatch: pytest.MonkeyPatch, leaves_it_too: bool
+) -> None:
+    """It is in the set of names; what each of them leaves has none."""
+    evidence = gathered(lambda q, dq: np.array([1.0, 0.0]) * (0.2 * np.sign(dq) + 0.1 * dq))
+    scores = scores_of(evidence)
+    dry, viscous = best_of(scores, ("coulomb_friction", "viscous_friction"))
+    pattern = int(np.flatnonzero(scores.is_map[scores.owner])[0])
+
+    def left_by(_: Scores, chosen: list[int]) -> dict[int, Misfit]:
+        seen = leaves_it_too or viscous not in chosen
+        return defaultdict(lambda: Misfit(0, 0.0, 1.0), {0: Misfit(pattern, 0.3, 0.0 if seen else 1.0)})
+
+    monkeypatch.setattr(Admission, "one_sided", lambda *_: None)
+    monkeypatch.setattr(unexplained, "misfits", left_by)
+    refined = fitted(evidence, scores, [dry, viscous])
+    assert 0 in unexplained.unexplained_by(evidence, scores, refined, [dry], ())
+    left = unexplained.unexplained_by(evidence, scores, refined, [dry], (), [(viscous,)])
+    assert (0 in left) is leaves_it_too
+
+
 def no_misfits(*_: object) -> dict[int, Misfit]:
     """No map explains anything."""
     return defaultdict(lambda: Misfit(0, 0.0, 1.0))
