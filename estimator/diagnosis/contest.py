@@ -19,6 +19,7 @@ from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.typical import against_typical
 from estimator.diagnosis.weighted import Weighted
 from estimator.effects import Signals
+from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -57,6 +58,8 @@ class Contest:
     noise: Noise
     band: float
     """Hz of the rows."""
+    body: RigidBody
+    """Of whose torques the laws' columns are made (`Evidence.bend`)."""
 
     @property
     def active(self) -> Indices:
@@ -78,7 +81,7 @@ class Contest:
 
         ``t`` (samples,), ``q, dq, ddq`` (samples, n).
         """
-        signals = Signals.of_motion(self.design.body, t, q, dq, ddq)
+        signals = Signals.of_motion(self.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
         rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, self.noise)
         return Block(0, rows[0].shape[1], [x @ x.T for x in rows])
@@ -163,4 +166,7 @@ def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypothese
         here = np.arange(place, place + len(candidates))
         rivals.append(Rival(scores.design.hypotheses[number], here, freedom))
         place += len(candidates)
-    return Contest(design, len(others), tuple(rivals), known, scores.weights.copy(), evidence.noise, evidence.grid.band)
+    given, bend = design.body, evidence.bend
+    body = given if bend is None else given.with_parameters(given.prior() + bend)
+    weights, band = scores.weights.copy(), evidence.grid.band
+    return Contest(design, len(others), tuple(rivals), known, weights, evidence.noise, band, body)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis import judging
 from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.bent_links import bent
+from estimator.diagnosis.contest import contest
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import cut
+from estimator.diagnosis.evidence import cut, gather
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import make_grid
 
 Array = NDArray[np.float64]
@@ -81,3 +84,14 @@ def test_bent_links_change_what_a_law_looks_at_and_not_what_is_left(
 
 def weight(body: RigidBody, parameters: Array, q: Array) -> Array:
     return inverse_dynamics(body, parameters, q, np.zeros_like(q), np.zeros_like(q))
+
+
+@pytest.mark.parametrize("off", [0.0, 1.0])
+def test_a_planned_motion_needs_the_torques_of_the_same_links(
+    body: RigidBody, true: Array, recordings: list[Trajectory], off: float
+) -> None:
+    change = off * (true - body.prior())
+    evidence = replace(gather(body, recordings, 0.05), bend=change if off else None)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
+    planned = contest(scores, evidence, [], [0, 1])
+    np.testing.assert_allclose(planned.body.prior(), body.prior() + change, atol=1e-12)
