@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.conditional import Conditional, Group, groups_of
-from estimator.diagnosis.design import Candidate, Design, Hypothesis, stretch_rows
+from estimator.diagnosis.design import Candidate, Design, Hypothesis, candidate_columns, stretch_rows
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, part_of, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.stretches import Stretch
+from estimator.diagnosis.stretches import Channel, Stretch
+from estimator.diagnosis.turning import Turning
 from estimator.diagnosis.typical import against_typical
 from estimator.diagnosis.weighted import Weighted
 from estimator.effects import Signals
@@ -83,14 +84,41 @@ class Contest:
         """
         signals = Signals.of_motion(self.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
-        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, self.noise)
+        noise = self._with_rests(signals)
+        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, noise)
         return Block(0, rows[0].shape[1], [x @ x.T for x in rows])
+
+    def _with_rests(self, signals: Signals) -> Noise:
+        """The noise of a planned motion: a joint that rubs is held by any part of its friction while it stands, so that
+        rests tell little of it."""
+        turning = dict(self.noise.turning)
+        for number, channel in enumerate(self.design.channels):
+            held = self._friction(signals, channel)
+            if channel.equation == "torque" and held > 0.0:
+                own = turning.get(number, Turning(channel.index, 0.0, 1.0))
+                turning[number] = replace(own, held=held)
+        return replace(self.noise, turning=turning)
+
+    def _friction(self, signals: Signals, channel: Channel) -> float:
+        """N·m of a joint's dry friction, as the data so far give it: the most that any of the hypotheses has here."""
+        result = 0.0
+        for value in self._values:
+            for candidate in self.design.candidates:
+                hypothesis, own = self.design.hypotheses[candidate.hypothesis], value[candidate.columns]
+                if hypothesis.effect.dry and hypothesis.place.joint == channel.index and np.any(own):
+                    torque = candidate_columns(self.design, candidate, signals)[:, 0] @ own
+                    result = max(result, float(np.abs(torque).max()))
+        return result
+
+    @cached_property
+    def _values(self) -> list[Array]:
+        """For each rival the unknowns with it (`_fitted`)."""
+        return [self._fitted(rival) for rival in self.rivals]
 
     def support(self, block: Block) -> Array:
         """(rivals,) nats by which each rival explains a block, less what its freedom costs."""
         gains = Conditional(Weighted(self.design, block, self.weights), self.active).gains(self._groups())
-        cost = 0.5 * float(np.log(block.rows))
-        return np.array([float(np.max(gains[rival.candidates] - cost * rival.freedom)) for rival in self.rivals])
+        return np.array([float(np.max(self._supported(rival, gains, block.rows))) for rival in self.rivals])
 
     def expected_gaps(self, planned: Block) -> Array:
         """(rivals, rivals) nats by which rival b is expected to be behind rival a after the planned motion, a being
@@ -101,7 +129,7 @@ class Contest:
         and a law that contains it: what all data then say against what things of that name usually have.
         """
         result = np.zeros((len(self.rivals),) * 2)
-        blocks = [total([self.known, self._following(planned, self._fitted(rival))]) for rival in self.rivals]
+        blocks = [total([self.known, self._following(planned, value)]) for value in self._values]
         for a, block in enumerate(blocks):
             support = self.support(block)
             result[a] = support[a] - support
@@ -123,10 +151,16 @@ class Contest:
         return against_typical(model, finding.hypothesis.effect, int(own[0]), rival.hypothesis.effect, shapes)
 
     def _best(self, rival: Rival) -> Candidate:
-        """A rival's candidate that explains most of the data so far."""
+        """A rival's candidate that the data so far support best."""
         gains = Conditional(self._told, self.active).gains(self._groups())
-        best: Candidate = self.design.candidates[rival.candidates[int(np.argmax(gains[rival.candidates]))]]
+        supported = self._supported(rival, gains, self.known.rows)
+        best: Candidate = self.design.candidates[rival.candidates[int(np.argmax(supported))]]
         return best
+
+    @staticmethod
+    def _supported(rival: Rival, gains: Array, rows: float) -> Array:
+        """(candidates,) of a rival's, the ``gains`` in so many rows less what their freedom costs."""
+        return np.asarray(gains[rival.candidates] - 0.5 * np.log(rows) * rival.freedom)
 
     def _fitted(self, rival: Rival) -> Array:
         """(size,) unknowns of the rival's best candidate, fitted to the data so far, within its limits."""

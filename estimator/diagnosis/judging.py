@@ -16,13 +16,14 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
-from estimator.diagnosis.plainer import fitted, not_taken_back, simpler, told_once, without_menders
+from estimator.diagnosis.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.quantities import quantities
-from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
+from estimator.diagnosis.slow_forms import without_forms
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
 _NOTHING = 3.0
@@ -139,7 +140,8 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
     chosen, refined = told_once(evidence, scores, chosen, refined)
     chosen, refined = simpler(evidence, scores, chosen, refined)
-    return not_taken_back(evidence, scores, chosen, refined)
+    chosen, refined = not_taken_back(evidence, scores, chosen, refined)
+    return without_forms(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

@@ -10,7 +10,7 @@ import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.lack_of_fit import left_to_see
-from estimator.diagnosis.refinement import Refined, refine
+from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
@@ -22,11 +22,6 @@ _MENDED = 0.1
 """Of what a law and those that it contains explain: with less beside those, and a shape hardly different from theirs,
 it mends their form. Bristles of 20 to 200 µrad under a servo make up to 0.05 of a dry friction; the slow axes of a
 KUKA, which show them, 0.2 and more."""
-
-
-def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
-    """The candidates at their best shapes, under the noise and the weights that they were chosen by."""
-    return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
 
 
 def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.conditional import Conditional, within_limits
 from estimator.diagnosis.design import Candidate, Design
+from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, sum_up, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.scanning import scanned
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.stretches import Stretch
 from estimator.diagnosis.weighted import Weighted
 
@@ -66,6 +68,11 @@ class Refined:
         places = [*(self.design.size + before + np.arange(len(own.theta))), *own.columns]
         chosen = np.array(places, dtype=np.intp)
         return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+
+
+def fitted(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> Refined:
+    """The candidates at their best shapes, under the noise and the weights that they were chosen by."""
+    return refine(evidence.design, chosen, evidence.pieces, evidence.decimations, evidence.noise, scores.weights)
 
 
 def refine(

@@ -57,9 +57,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
             gap = _for_several(admission, candidate, k, chosen, gap)
         result.append(Alternative(k, gap))
-    # A line that was seen may be a bent law, and a law is bent where a line stands beside it.
-    possible = {*others, *(row[0] for row in rows)} if scores.recurs(candidate) else set(others)
-    forms = {int(scores.owner[k]): k for k in sorted(possible) if _one_bent_law(scores, candidate, k)}
+    # A law that stands beside a line is bent as no law of its name is, or the line is.
+    forms = {int(scores.owner[k]): k for k in others if _one_bent_law(scores, candidate, k)}
     told = [r for r in result if int(scores.owner[r.candidate]) not in forms]
     return sorted([*(Alternative(k, 0.0) for k in forms.values()), *told], key=lambda rival: rival.gap)
 
@@ -129,12 +128,12 @@ def _with_all_parts(admission: Admission, rival: int, chosen: list[int]) -> list
 
 
 def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
-    """Whether two causes of a joint may be a single law: of a periodic one hardly a period is seen, and the other is of
-    a kind that is bent as often as straight."""
+    """Whether two causes of a joint may be a single law: of a periodic one hardly a period is seen, and it may look
+    like the other."""
     if scores.hypothesis(one).place != scores.hypothesis(other).place or scores.recurs(one) == scores.recurs(other):
         return False
     line, law = (one, other) if scores.recurs(one) else (other, one)
-    if not scores.hypothesis(law).effect.bends:
+    if scores.hypothesis(law).effect.name not in scores.hypothesis(line).effect.looks_like:
         return False
     return float(scores.resemblance(line, law).mean()) > _HARDLY_A_PERIOD
 

@@ -16,7 +16,8 @@ from estimator.diagnosis.accuracy import Searched
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
-from estimator.diagnosis.refinement import Refined
+from estimator.diagnosis.refinement import Refined, fitted
+from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
 
@@ -25,19 +26,37 @@ WORTH = 10.0
 
 
 def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refined: Refined) -> Evidence | None:
-    """``evidence``, in which the ``chosen`` were ``found``, with the shapes of ``refined`` in the place of theirs; None
-    where they explain hardly more."""
-    scores = found.scores
-    if refined.explained < scores.nats(chosen) + WORTH:
+    """``evidence``, in which the ``chosen`` were ``found``, with the shapes of ``refined`` in the place of theirs, and
+    of what looks like them with those that suit it best in their stead; None where these explain hardly more than those
+    of the grid."""
+    scores, shapes = found.scores, dict[int, Array]()
+    trials = [(list(chosen), refined)]
+    trials += [(trial, fitted(evidence, scores, trial)) for trial in look_alikes(scores, chosen)]
+    for trial, shaped in trials:
+        if shaped.explained >= scores.nats(trial) + WORTH:
+            for k, own in zip(trial, shaped.design.candidates, strict=True):
+                shapes.setdefault(k, own.theta)
+    for k in chosen:
+        for other in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
+            shapes.setdefault(other, shapes[k])
+    if not shapes:
         return None
-    candidates, changed = list(evidence.design.candidates), set(chosen)
-    for k, fitted in zip(chosen, refined.design.candidates, strict=True):
-        for own in (k, *_of_the_same_shape(evidence.design, k, fitted.theta)):
-            if own == k or own not in changed:
-                candidates[own] = replace(candidates[own], theta=fitted.theta)
-                changed.add(own)
+    candidates = list(evidence.design.candidates)
+    for k, theta in shapes.items():
+        candidates[k] = replace(candidates[k], theta=theta)
     design = replace(evidence.design, candidates=tuple(candidates))
-    return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(changed))))
+    return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(shapes))))
+
+
+def look_alikes(scores: Scores, chosen: Sequence[int]) -> Iterator[list[int]]:
+    """The chosen with another law in the place of one that it looks like (`Law.looks_like`), each beside the shapes of
+    all others on the grid: of two laws neither is judged by how near the grid comes to it."""
+    for cause in chosen:
+        own, others = scores.hypothesis(cause), [k for k in chosen if k != cause]
+        for other, _, _ in scores.ranked(others):
+            like = scores.hypothesis(other)
+            if like.place == own.place and like.effect.name in own.effect.looks_like:
+                yield [*others, other]
 
 
 def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[int]:

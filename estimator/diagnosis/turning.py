@@ -31,6 +31,8 @@ _BLOCKS = 32
 """Rows either side of a sample within which its error is spread."""
 _MOST = 1e10
 """Of the noise's variance: beside more, it would be lost in rounding."""
+_STANDS = 1e-12
+"""rad, m between two samples of a motion that is planned to stand."""
 _NOTHING = 1e-6
 """Of the largest response: rows that a sample's error does not reach."""
 
@@ -44,10 +46,14 @@ class Turning:
     """N·m, standard deviation of each sample's where the joint turns."""
     way: float
     """rad from there over which it falls to 1/e."""
+    held: float = 0.0
+    """N·m, standard deviation of what a standing joint is held by, the same for as long as it stands. Of recordings it
+    is zero, since there the noise has it."""
 
     def variance(self, q: Array) -> Array:
         """(samples,) of angles (samples, n)."""
-        return np.square(self.error * near_turns(q[:, self.joint], self.way))
+        angle = q[:, self.joint]
+        return np.asarray(np.square(self.error * near_turns(angle, self.way)) + self.held**2 * standing(angle))
 
 
 def near_turns(q: Array, way: float) -> Array:
@@ -64,6 +70,19 @@ def near_turns(q: Array, way: float) -> Array:
     after = np.abs(q - places[np.minimum(following, len(turns) - 1)])
     before = np.abs(q - places[np.maximum(following - 1, 0)])
     return np.asarray(np.exp(-np.minimum(before, after) / way))
+
+
+def standing(q: Array) -> Array:
+    """(samples,) how many samples angles (samples,) stand still for, at each of them; zero where they move.
+
+    So many errors of single samples have a mean as unsure as one of them divided by the root of their number: times
+    this, their variance is that of an error which they all share.
+    """
+    moves = np.concatenate([[True], np.abs(np.diff(q)) > _STANDS, [True]])
+    # A sample stands that is as the one before it, or the one after.
+    begins = np.flatnonzero(moves)
+    lengths = np.diff(begins)
+    return np.repeat(np.where(lengths > 1, lengths, 0), lengths).astype(np.float64)
 
 
 class Spread:

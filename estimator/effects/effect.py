@@ -94,8 +94,9 @@ class Law(ABC):
     """Of its first coefficient, what those must be: with less it is a form of what it contains."""
     told_by_repeats: ClassVar[bool] = False
     """Whether only a motion that is played again tells it from what it contains."""
-    bends: ClassVar[bool] = False
-    """Whether things of its name are bent as often as they are as straight as its law."""
+    looks_like: ClassVar[tuple[str, ...]] = ()
+    """Effects of other shapes that it may look like where the motion shows a part of either: compared with each at the
+    shape that suits it best."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 

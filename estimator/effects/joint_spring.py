@@ -1,4 +1,4 @@
-"""Joint spring: k·(q − q0) of a cable, a hose or a counterbalance."""
+"""Joint spring: k·(q − q0) of a cable, a hose or a counterbalance, straight, yielding or hardening."""
 
 from __future__ import annotations
 
@@ -8,38 +8,87 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
-from estimator.effects.signals import Signals
-from estimator.twin.plant import PlantDraft
+from estimator.effects.signals import Scales, Signals
+from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
+STRAIGHT, BENT = 0.0, 1.0
+_BETWEEN = 0.5
+BENDS = (-2.0, 1.5, 3.0, 6.0)
+"""To try, times half of the joint's range."""
+CENTRES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""To try, as shares of the joint's range."""
+_NO_BEND = 1e-6
+"""1/rad; less is none."""
+
 
 class JointSpring(JointEffect):
-    """The stiffness may be negative: a counterbalance pushes away from where it is in line with the arm."""
+    """k·(q − q0), or bent about q0: k·tanh(β·(q − q0))/β yields with the way, as a cylinder between two points does
+    about its dead centre; k·sinh(|β|·(q − q0))/|β| of a β below zero hardens, as a hose that is pulled tight.
+
+    theta is which of the two forms, β and q0; of a straight one the last two say nothing. The stiffness may be
+    negative: a counterbalance pushes away from where it is in line with the arm.
+    """
 
     name = "joint_spring"
     momentary = True
-    units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad"}
+    units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad", "bend": "1/rad"}
+    choices = (0,)
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
-    bends = True
+    looks_like = ("cogging",)
     seen_against = "q"
     experiment = "rest in a grid of poses over the range of {joint}"
 
+    def grid(self, place: Place, scales: Scales) -> Array:
+        joint = self.joint(place)
+        low, reach = float(scales.q_low[joint]), float(scales.q_high[joint] - scales.q_low[joint])
+        if reach <= 0.0:
+            return np.array([[STRAIGHT, 0.0, 0.0]])
+        bent = [[BENT, 2.0 * bend / reach, low + share * reach] for bend in BENDS for share in CENTRES]
+        return np.array([[STRAIGHT, 0.0, 0.0], *bent])
+
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         q = signals.q[:, self.joint(place)]
-        return np.stack([q, np.ones_like(q)], axis=1)[:, None, :]
+        if theta[0] < _BETWEEN:
+            return np.stack([q, np.ones_like(q)], axis=1)[:, None, :]
+        return bent(q - theta[2], float(theta[1]))[:, None, None]
+
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
+        free = np.full(2 if theta[0] < _BETWEEN else 1, np.inf)
+        return -free, free
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        stiffness, moment = map(float, coefficients)
-        return {"stiffness": stiffness, "centre": -moment / stiffness if stiffness else 0.0}
+        stiffness = float(coefficients[0])
+        if theta[0] > _BETWEEN:
+            return {"stiffness": stiffness, "centre": float(theta[2]), "bend": float(theta[1])}
+        return {"stiffness": stiffness, "centre": -float(coefficients[1]) / stiffness if stiffness else 0.0}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         stiffness, centre = float(parameters["stiffness"]), float(parameters["centre"])
-        return np.zeros(0), np.array([stiffness, -stiffness * centre])
+        if "bend" in parameters:
+            return np.array([BENT, float(parameters["bend"]), centre]), np.array([stiffness])
+        return np.array([STRAIGHT, 0.0, 0.0]), np.array([stiffness, -stiffness * centre])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        plant.add_spring(self.joint(place), float(parameters["stiffness"]), float(parameters["centre"]))
+        joint, stiffness, centre = self.joint(place), float(parameters["stiffness"]), float(parameters["centre"])
+        if "bend" not in parameters:
+            plant.add_spring(joint, stiffness, centre)
+            return
+        bend = float(parameters["bend"])
+
+        def torque(at: Instant) -> float:
+            return stiffness * float(bent(np.array(at.q - centre), bend))
+
+        plant.spending.append((joint, torque))
+
+
+def bent(way: Array, bend: float) -> Array:
+    """rad; the ``way`` (rad) itself where it is small, and less with the way, or more where ``bend`` is negative."""
+    if abs(bend) < _NO_BEND:
+        return way
+    return np.asarray((np.tanh if bend > 0.0 else np.sinh)(abs(bend) * way) / abs(bend))
 
 
 EFFECT = JointSpring()

@@ -54,6 +54,8 @@ CASES = [
     Case("rotor_inertia", JOINT, {"inertia": 1.0}),
     Case("joint_spring", JOINT, {"stiffness": 8.0, "centre": 0.3}),
     Case("joint_spring", JOINT, {"stiffness": -8.0, "centre": 0.3}),
+    Case("joint_spring", JOINT, {"stiffness": 8.0, "centre": 0.3, "bend": 1.5}),
+    Case("joint_spring", JOINT, {"stiffness": -8.0, "centre": 0.3, "bend": -1.5}),
     Case("joint_elasticity", JOINT, {"stiffness": 4000.0, "damping": 40.0}, 0.08),
     Case("backlash", JOINT, {"gap": 0.01}, 0.45),
     Case("cogging", JOINT, {"order": 7.0, "amplitude": 3.0, "phase": 0.4}),

@@ -146,6 +146,34 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
 
 
+def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_holds_it(
+    arm: RigidBody, limits: MotionLimits
+) -> None:
+    """Beside a friction of 0.6 N·m each rest says as much of the joint as one reading with that error."""
+    level, rests = 0.6, 3
+    law: Law = ("coulomb_friction", JOINT, {"level": level})
+    evidence, scores = gathered(arm, [measured(arm, law, one_swing([0.5, 0.5, 0.5]), seed) for seed in range(2)])
+    known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
+    names = [("torque_offset", JOINT), ("joint_spring", JOINT)]
+    rubbing = [max(np.flatnonzero(scores.owner == known.index(law[:2])), key=scores.gains([]).item)]
+    information = {}
+    for others in ([], rubbing):
+        contested = contest(scores, evidence, others, [known.index(name) for name in names])
+        t = np.arange(round(rests * 4.0 * contested.rate)) / contested.rate
+        # A second of motion, three of rest, and so on.
+        w = np.pi * np.minimum(t % 4.0, 1.0)
+        step = np.floor(t / 4.0)
+        q = np.zeros((len(t), 3))
+        q[:, 1] = 0.2 * (step + 0.5 - 0.5 * np.cos(w))
+        planned = contested.planned(t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
+        offset = contested.design.candidates[contested.rivals[0].candidates[0]].columns[0]
+        place = contested.design.position[1, offset]
+        information[len(others)] = planned.grams[1][place, place]
+    moving = information[0] / 4.0
+    assert information[1] < moving + 1.5 * rests / level**2
+    assert information[1] > 0.7 * moving
+
+
 def test_the_weaker_a_cause_the_more_often_the_motion_is_played(arm: RigidBody, limits: MotionLimits) -> None:
     playings = []
     for level in (0.5, 0.12):

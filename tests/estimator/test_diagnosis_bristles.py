@@ -15,7 +15,8 @@ from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.lack_of_fit import Misfit
-from estimator.diagnosis.plainer import fitted, told_once, without_menders
+from estimator.diagnosis.plainer import told_once, without_menders
+from estimator.diagnosis.refinement import fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Search
