@@ -9,7 +9,6 @@ from itertools import compress
 import numpy as np
 
 from estimator.diagnosis.accuracy import Searched, searched
-from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.bent_links import with_bent_links
 from estimator.diagnosis.evidence import Evidence
@@ -74,7 +73,7 @@ def judge(evidence: Evidence) -> Judged:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_SHARPER):
-        sharp = sharpened(evidence, found, stood, refined) or _nearly_borne_out(evidence, found, stood)
+        sharp = sharpened(evidence, found, stood, refined)
         if sharp is None:
             break
         evidence, found = sharp, _with_what_stood(searched(sharp, replace(found, chosen=stood)), stood)
@@ -110,17 +109,6 @@ def _instead(scores: Scores, stood: Sequence[int], causes: Sequence[Cause]) -> I
         for other in (a.candidate for a in cause.alternatives if a.gap < AMBIGUOUS):
             left = [k for k in stood if k not in (cause.candidate, other) and not contained(k, other)]
             yield (*left, other)
-
-
-def _nearly_borne_out(evidence: Evidence, found: Searched, stood: list[int]) -> Evidence | None:
-    """The evidence with the best shape of the law that all but the rows left out would admit beside what stands: a
-    contact that the grid has begin half a second late predicts no other motion. None where there is no such law, or its
-    shape is sharp enough."""
-    refused = Admission(found.scores).one_sided(stood)
-    if refused is None:
-        return None
-    trial = [*stood, refused]
-    return sharpened(evidence, found, trial, fitted(evidence, found.scores, trial))
 
 
 def _with_what_stood(found: Searched, stood: list[int]) -> Searched:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.accuracy import Searched
+from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -27,11 +28,11 @@ WORTH = 10.0
 
 def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refined: Refined) -> Evidence | None:
     """``evidence``, in which the ``chosen`` were ``found``, with the shapes of ``refined`` in the place of theirs, and
-    of what looks like them with those that suit it best in their stead; None where these explain hardly more than those
-    of the grid."""
+    with those that suit best what could stand in their stead or beside them; None where these explain hardly more than
+    those of the grid."""
     scores, shapes = found.scores, dict[int, Array]()
     trials = [(list(chosen), refined)]
-    trials += [(trial, fitted(evidence, scores, trial)) for trial in look_alikes(scores, chosen)]
+    trials += [(trial, fitted(evidence, scores, trial)) for trial in _others(scores, list(chosen))]
     for trial, shaped in trials:
         if shaped.explained >= scores.nats(trial) + WORTH:
             for k, own in zip(trial, shaped.design.candidates, strict=True):
@@ -46,6 +47,14 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
         candidates[k] = replace(candidates[k], theta=theta)
     design = replace(evidence.design, candidates=tuple(candidates))
     return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(shapes))))
+
+
+def _others(scores: Scores, chosen: list[int]) -> Iterator[list[int]]:
+    """What else to find the best shapes of: what looks like a cause, and the law that all but the rows left out would
+    admit. A contact that the grid has begin half a second late predicts no other motion."""
+    yield from look_alikes(scores, chosen)
+    if (refused := Admission(scores).one_sided(chosen)) is not None:
+        yield [*chosen, refused]
 
 
 def look_alikes(scores: Scores, chosen: Sequence[int]) -> Iterator[list[int]]:

@@ -17,8 +17,8 @@ STRAIGHT, BENT = 0.0, 1.0
 _BETWEEN = 0.5
 BENDS = (-2.0, 1.5, 3.0, 6.0)
 """To try, times half of the joint's range."""
-CENTRES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""To try, as shares of the joint's range."""
+CENTRES = (-0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
+"""To try, as shares of the joint's range from its lower end."""
 _NO_BEND = 1e-6
 """1/rad; less is none."""
 
