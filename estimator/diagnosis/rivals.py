@@ -19,10 +19,6 @@ _ONE_IN = 0.05
 _HARDLY_A_PERIOD = 0.25
 """Of a line's energy, what a straight law of the angle explains of it: 0.3 over one period, 0.1 over two."""
 
-_ALL_BUT = 0.8
-"""Of a line's torque, what a straight law of the angle explains of one that may be its bent form: of a cylinder that
-turns about its dead centre 0.96 and more."""
-
 
 @dataclass(frozen=True)
 class Alternative:
@@ -61,10 +57,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
             gap = _for_several(admission, candidate, k, chosen, gap)
         result.append(Alternative(k, gap))
-    # A law is bent where a line stands beside it, and a line that is all but straight may be one that is bent.
+    # A law that stands beside a line is bent as no law of its name is, or the line is.
     forms = {int(scores.owner[k]): k for k in others if _one_bent_law(scores, candidate, k)}
-    straight = [row[0] for row in rows if _all_but(scores, candidate, row[0], chosen)]
-    forms |= {int(scores.owner[k]): k for k in straight}
     told = [r for r in result if int(scores.owner[r.candidate]) not in forms]
     return sorted([*(Alternative(k, 0.0) for k in forms.values()), *told], key=lambda rival: rival.gap)
 
@@ -142,18 +136,6 @@ def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
     if scores.hypothesis(law).effect.name not in scores.hypothesis(line).effect.looks_like:
         return False
     return float(scores.resemblance(line, law).mean()) > _HARDLY_A_PERIOD
-
-
-def _all_but(scores: Scores, line: int, law: int, chosen: list[int]) -> bool:
-    """Whether a line's torque is, but for its bend, that of another law that it may look like."""
-    own, other = scores.hypothesis(line), scores.hypothesis(law)
-    if not scores.recurs(line) or own.place != other.place or other.effect.name not in own.effect.looks_like:
-        return False
-    model, columns = scores.model(chosen), scores.design.candidates[line].columns
-    value = np.zeros(scores.design.size)
-    value[model.active] = model.value
-    form = int(np.flatnonzero(scores.owner == scores.owner[law])[0])
-    return bool(np.any(value[columns])) and scores.resemblance_of(line, value[columns], form) > _ALL_BUT
 
 
 def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping[int, float]) -> float:

@@ -257,20 +257,12 @@ class Scores:
             self._resemblance[one, other] = self._explained_share(one, other)
         return self._resemblance[one, other]
 
-    def resemblance_of(self, one: int, value: Array, other: int) -> float:
-        """Of the energy of the one's torque with these coefficients (c,), what the other's columns explain."""
-        explained, squares = self._explained_by(one, other)
-        return float(value @ explained @ value / (value @ squares @ value))
-
     def _explained_share(self, one: int, other: int) -> Array:
-        explained, squares = (np.diag(matrix) for matrix in self._explained_by(one, other))
-        told = squares > 0.0
-        return np.asarray(explained[told] / squares[told])
-
-    def _explained_by(self, one: int, other: int) -> tuple[Array, Array]:
-        """(c, c) each: products of the one's columns as the other's explain them, and of all of them."""
         first, second = self.design.candidates[one].columns, self.design.candidates[other].columns
         both = np.concatenate([first, second])
         squares = self._told.products(both, both)
         cross, others = squares[: len(first), len(first) :], squares[len(first) :, len(first) :]
-        return cross @ np.linalg.pinv(others) @ cross.T, squares[: len(first), : len(first)]
+        explained = np.einsum("ab,ab->a", cross @ np.linalg.pinv(others), cross)
+        energy = np.diag(squares)[: len(first)]
+        told = energy > 0.0
+        return np.asarray(explained[told] / energy[told])

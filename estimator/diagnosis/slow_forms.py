@@ -1,54 +1,61 @@
-"""Slow periodic torques that only mend the form of another law of the angle."""
+"""Which law of a joint's angle it is, where the motion shows a part of it: a spring that bends, or a slow line."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.sharpening import look_alikes
 from estimator.diagnosis.unexplained import FORM
+from estimator.effects import Place
 
 _PERIODS = 6.0
 """Over a joint's range; what is as slow may be the form of a spring, of which none is exact."""
 
 
-def without_forms(
-    evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined
-) -> tuple[list[int], Refined]:
-    """The chosen without slow lines that explain less of what the laws of their joint's angle explain together than any
-    form is exact to; beside them either form did, so that the better one alone is in the place of the larger."""
-    for line in tuple(chosen):
-        beside = [k for k in chosen if k != line and _of_the_angle(scores, line, k)] if line in chosen else []
-        if not beside or _periods(evidence, scores, line) > _PERIODS:
+def of_one_form(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
+    """The chosen with one law in the place of all slow lines of a joint, and of what they look like, where one explains
+    what they do but for less than any form is exact to: the best of them at its best shape.
+
+    Three lines of a spectrum bend as a cylinder about its dead centre does, and none of them is one.
+    """
+    for place in dict.fromkeys(scores.hypothesis(k).place for k in chosen if scores.recurs(k)):
+        slow = [k for k in chosen if scores.hypothesis(k).place == place and _slow(evidence, scores, k, chosen)]
+        if not any(scores.recurs(k) for k in slow):
             continue
-        fewer = [k for k in chosen if k != line]
-        shaped, others = fitted(evidence, scores, fewer), [k for k in fewer if k not in beside]
+        others = [k for k in chosen if k not in slow]
+        alone = [[*others, k] for k in (*slow, *_instead(scores, place, slow, others))]
+        trials = [(trial, fitted(evidence, scores, trial)) for trial in alone]
+        best, shaped = max(trials, key=lambda one: one[1].explained - scores.penalty(one[0]))
         whole = refined.explained - fitted(evidence, scores, others).explained
         if refined.explained - shaped.explained < FORM * whole:
-            trials = [(shaped.explained - scores.penalty(fewer), fewer, shaped)]
-            for trial in look_alikes(scores, fewer) if len(beside) == 1 else ():
-                own = fitted(evidence, scores, trial)
-                trials.append((own.explained - scores.penalty(trial), trial, own))
-            _, chosen, refined = max(trials, key=lambda one: one[0])
+            chosen, refined = best, shaped
     return chosen, refined
 
 
-def _of_the_angle(scores: Scores, line: int, other: int) -> bool:
-    """Whether another cause is a line of the same joint too, or what that may look like."""
-    own, law = scores.hypothesis(line), scores.hypothesis(other)
-    return own.place == law.place and law.effect.name in (own.effect.name, *own.effect.looks_like)
+def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:
+    """Whether a cause is a line of a few periods, or a law that one looks like."""
+    own = scores.hypothesis(cause)
+    if not scores.recurs(cause):
+        lines = [scores.hypothesis(k) for k in chosen if scores.recurs(k)]
+        return any(line.place == own.place and own.effect.name in line.effect.looks_like for line in lines)
+    if not own.effect.looks_like:
+        return False
+    ends = [end(piece.signals.q[:, own.place.joint]) for piece in evidence.pieces for end in (np.min, np.max)]
+    return float(scores.design.candidates[cause].theta[0] * np.ptp(ends)) < 2.0 * np.pi * _PERIODS
 
 
-def _periods(evidence: Evidence, scores: Scores, line: int) -> float:
-    """Of a line over its joint's range."""
-    joint = scores.hypothesis(line).place.joint
-    angles: Sequence[float] = [x for piece in evidence.pieces for x in _ends(piece.signals.q[:, joint])]
-    return float(scores.design.candidates[line].theta[0]) * float(np.ptp(angles)) / (2.0 * np.pi)
-
-
-def _ends(q: np.ndarray) -> tuple[float, float]:
-    return float(q.min()), float(q.max())
+def _instead(scores: Scores, place: Place, slow: list[int], others: list[int]) -> Iterator[int]:
+    """Candidates of what the slow lines of a place look like, the best beside all others for each centre of their
+    grid, from which no steps along a slope lead to the next."""
+    names = {name for k in slow if scores.recurs(k) for name in scores.hypothesis(k).effect.looks_like}
+    gains, best = scores.gains(others), dict[tuple[int, float], int]()
+    for k, candidate in enumerate(scores.design.candidates):
+        law = scores.hypothesis(k)
+        if law.place == place and law.effect.name in names and k not in slow:
+            key = candidate.hypothesis, float(candidate.theta[-1])
+            best[key] = max(best.get(key, k), k, key=lambda one: gains[one])
+    yield from best.values()

@@ -24,8 +24,9 @@ _NO_BEND = 1e-6
 
 
 class JointSpring(JointEffect):
-    """k·(q − q0), or bent about q0: k·tanh(β·(q − q0))/β yields with the way, as a cylinder between two points does
-    about its dead centre; k·sinh(|β|·(q − q0))/|β| of a β below zero hardens, as a hose that is pulled tight.
+    """k·(q − q0), or bent about q0: (k − κ)·tanh(β·(q − q0))/β + κ·(q − q0) yields with the way, as a cylinder between
+    two points does about its dead centre; with sinh(|β|·(q − q0))/|β| for a β below zero it hardens, as a hose that is
+    pulled tight.
 
     theta is which of the two forms, β and q0; of a straight one the last two say nothing. The stiffness may be
     negative: a counterbalance pushes away from where it is in line with the arm.
@@ -33,7 +34,7 @@ class JointSpring(JointEffect):
 
     name = "joint_spring"
     momentary = True
-    units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad", "bend": "1/rad"}
+    units: ClassVar = {"stiffness": "N·m/rad", "centre": "rad", "bend": "1/rad", "straight": "N·m/rad"}
     choices = (0,)
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
@@ -53,35 +54,39 @@ class JointSpring(JointEffect):
         q = signals.q[:, self.joint(place)]
         if theta[0] < _BETWEEN:
             return np.stack([q, np.ones_like(q)], axis=1)[:, None, :]
-        return bent(q - theta[2], float(theta[1]))[:, None, None]
-
-    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
-        free = np.full(2 if theta[0] < _BETWEEN else 1, np.inf)
-        return -free, free
+        way = q - theta[2]
+        return np.stack([bent(way, float(theta[1])), way], axis=1)[:, None, :]
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        stiffness = float(coefficients[0])
-        if theta[0] > _BETWEEN:
-            return {"stiffness": stiffness, "centre": float(theta[2]), "bend": float(theta[1])}
-        return {"stiffness": stiffness, "centre": -float(coefficients[1]) / stiffness if stiffness else 0.0}
+        first, second = map(float, coefficients)
+        if theta[0] < _BETWEEN:
+            return {"stiffness": first, "centre": -second / first if first else 0.0}
+        return {
+            "stiffness": first + second,
+            "centre": float(theta[2]),
+            "bend": float(theta[1]),
+            "straight": second,
+        }
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         stiffness, centre = float(parameters["stiffness"]), float(parameters["centre"])
-        if "bend" in parameters:
-            return np.array([BENT, float(parameters["bend"]), centre]), np.array([stiffness])
-        return np.array([STRAIGHT, 0.0, 0.0]), np.array([stiffness, -stiffness * centre])
+        if "bend" not in parameters:
+            return np.array([STRAIGHT, 0.0, 0.0]), np.array([stiffness, -stiffness * centre])
+        straight = float(parameters["straight"])
+        return np.array([BENT, float(parameters["bend"]), centre]), np.array([stiffness - straight, straight])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         joint, stiffness, centre = self.joint(place), float(parameters["stiffness"]), float(parameters["centre"])
         if "bend" not in parameters:
             plant.add_spring(joint, stiffness, centre)
             return
-        bend = float(parameters["bend"])
+        bend, straight = float(parameters["bend"]), float(parameters["straight"])
+        plant.add_spring(joint, straight, centre)
 
-        def torque(at: Instant) -> float:
-            return stiffness * float(bent(np.array(at.q - centre), bend))
+        def yielding(at: Instant) -> float:
+            return (stiffness - straight) * float(bent(np.array(at.q - centre), bend))
 
-        plant.spending.append((joint, torque))
+        plant.spending.append((joint, yielding))
 
 
 def bent(way: Array, bend: float) -> Array:

@@ -25,7 +25,7 @@ PARAMETERS_OF = {
     "presliding": {"stiffness", "level"},
     "friction_drift": {"initial", "final", "time_constant"},
     "rotor_inertia": {"inertia"},
-    "joint_spring": {"stiffness", "centre", "bend"},
+    "joint_spring": {"stiffness", "centre", "bend", "straight"},
     "joint_elasticity": {"stiffness", "damping"},
     "backlash": {"gap"},
     "cogging": {"order", "amplitude", "phase"},
