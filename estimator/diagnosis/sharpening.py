@@ -18,7 +18,7 @@ from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined, fitted
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.slow_forms import look_alikes
 
 Array = NDArray[np.float64]
 
@@ -31,8 +31,10 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
     with those that suit best what could stand in their stead or beside them; None where these explain hardly more than
     those of the grid."""
     scores, shapes = found.scores, dict[int, Array]()
-    trials = [(list(chosen), refined)]
-    trials += [(trial, fitted(evidence, scores, trial)) for trial in _others(scores, list(chosen))]
+    trials = [(list(chosen), refined), *look_alikes(evidence, scores, list(chosen))]
+    # A contact that the grid has begin half a second late predicts no other motion: all but the rows left out admit it.
+    if (refused := Admission(scores).one_sided(list(chosen))) is not None:
+        trials.append(([*chosen, refused], fitted(evidence, scores, [*chosen, refused])))
     for trial, shaped in trials:
         if shaped.explained >= scores.nats(trial) + WORTH:
             for k, own in zip(trial, shaped.design.candidates, strict=True):
@@ -47,25 +49,6 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
         candidates[k] = replace(candidates[k], theta=theta)
     design = replace(evidence.design, candidates=tuple(candidates))
     return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(shapes))))
-
-
-def _others(scores: Scores, chosen: list[int]) -> Iterator[list[int]]:
-    """What else to find the best shapes of: what looks like a cause, and the law that all but the rows left out would
-    admit. A contact that the grid has begin half a second late predicts no other motion."""
-    yield from look_alikes(scores, chosen)
-    if (refused := Admission(scores).one_sided(chosen)) is not None:
-        yield [*chosen, refused]
-
-
-def look_alikes(scores: Scores, chosen: Sequence[int]) -> Iterator[list[int]]:
-    """The chosen with another law in the place of one that it looks like (`Law.looks_like`), each beside the shapes of
-    all others on the grid: of two laws neither is judged by how near the grid comes to it."""
-    for cause in chosen:
-        own, others = scores.hypothesis(cause), [k for k in chosen if k != cause]
-        for other, _, _ in scores.ranked(others):
-            like = scores.hypothesis(other)
-            if like.place == own.place and like.effect.name in own.effect.looks_like:
-                yield [*others, other]
 
 
 def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[int]:

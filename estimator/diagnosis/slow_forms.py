@@ -13,14 +13,13 @@ from estimator.diagnosis.unexplained import FORM
 from estimator.effects import Place
 
 _PERIODS = 6.0
-"""Over a joint's range; what is as slow may be the form of a spring, of which none is exact."""
+"""Over a joint's range; a faster line is the form of no spring."""
 
 
 def of_one_form(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
-    """The chosen with one law in the place of all slow lines of a joint, and of what they look like, where one explains
-    what they do but for less than any form is exact to: the best of them at its best shape.
-
-    Three lines of a spectrum bend as a cylinder about its dead centre does, and none of them is one.
+    """The chosen with one law in the place of all slow lines of a joint, and of what they look like, where one at its
+    best shape explains what they do but for less than any form is exact to, or is as good, a nat being the cost of a
+    freedom: three lines of a spectrum bend as a cylinder about its dead centre does.
     """
     for place in dict.fromkeys(scores.hypothesis(k).place for k in chosen if scores.recurs(k)):
         slow = [k for k in chosen if scores.hypothesis(k).place == place and _slow(evidence, scores, k, chosen)]
@@ -29,11 +28,35 @@ def of_one_form(evidence: Evidence, scores: Scores, chosen: list[int], refined: 
         others = [k for k in chosen if k not in slow]
         alone = [[*others, k] for k in (*slow, *_instead(scores, place, slow, others))]
         trials = [(trial, fitted(evidence, scores, trial)) for trial in alone]
-        best, shaped = max(trials, key=lambda one: one[1].explained - scores.penalty(one[0]))
+        best, shaped = max(trials, key=lambda one: _worth(scores, *one))
         whole = refined.explained - fitted(evidence, scores, others).explained
-        if refined.explained - shaped.explained < FORM * whole:
+        inexact = refined.explained - shaped.explained < FORM * whole
+        if inexact or _worth(scores, best, shaped) > _worth(scores, chosen, refined):
             chosen, refined = best, shaped
     return chosen, refined
+
+
+def _worth(scores: Scores, chosen: list[int], refined: Refined) -> float:
+    """nats that the chosen explain at their best shapes, less one for each freedom."""
+    return refined.explained - sum(map(scores.size, chosen))
+
+
+def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterator[tuple[list[int], Refined]]:
+    """The chosen with another law in the place of one that it looks like (`Law.looks_like`), each at its best shape: of
+    two laws neither is judged by how near the grid comes to it."""
+    for cause in chosen:
+        own, others = scores.hypothesis(cause), [k for k in chosen if k != cause]
+        if not own.effect.looks_like or (scores.recurs(cause) and not _slow(evidence, scores, cause, chosen)):
+            continue
+        if scores.recurs(cause):
+            trials = [[*others, k] for k in _instead(scores, own.place, [cause], others)]
+        else:
+            ranked = [(scores.hypothesis(k), k) for k, _, _ in scores.ranked(others)]
+            like = [k for h, k in ranked if h.place == own.place and h.effect.name in own.effect.looks_like]
+            trials = [[*others, k] for k in like]
+        shaped = [(trial, fitted(evidence, scores, trial)) for trial in trials]
+        if shaped:
+            yield max(shaped, key=lambda one: _worth(scores, *one))
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:
@@ -52,10 +75,10 @@ def _instead(scores: Scores, place: Place, slow: list[int], others: list[int]) -
     """Candidates of what the slow lines of a place look like, the best beside all others for each centre of their
     grid, from which no steps along a slope lead to the next."""
     names = {name for k in slow if scores.recurs(k) for name in scores.hypothesis(k).effect.looks_like}
-    gains, best = scores.gains(others), dict[tuple[int, float], int]()
+    gains, best = scores.gains(others), dict[tuple[int, bytes], int]()
     for k, candidate in enumerate(scores.design.candidates):
         law = scores.hypothesis(k)
         if law.place == place and law.effect.name in names and k not in slow:
-            key = candidate.hypothesis, float(candidate.theta[-1])
+            key = candidate.hypothesis, candidate.theta[-1:].tobytes()
             best[key] = max(best.get(key, k), k, key=lambda one: gains[one])
     yield from best.values()

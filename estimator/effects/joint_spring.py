@@ -13,11 +13,11 @@ from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
-STRAIGHT, BENT = 0.0, 1.0
-_BETWEEN = 0.5
-BENDS = (-2.0, 1.5, 3.0, 6.0)
+STRAIGHT, PULLING, PUSHING = 0.0, 1.0, -1.0
+"""Forms: of any stiffness, and bent about a centre that it pulls to or pushes away from."""
+BENDS = (-2.0, 2.0, 5.0)
 """To try, times half of the joint's range."""
-CENTRES = (-0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
+CENTRES = (-0.1, 0.2, 0.5, 0.8, 1.1)
 """To try, as shares of the joint's range from its lower end."""
 _NO_BEND = 1e-6
 """1/rad; less is none."""
@@ -28,8 +28,9 @@ class JointSpring(JointEffect):
     two points does about its dead centre; with sinh(|β|·(q − q0))/|β| for a β below zero it hardens, as a hose that is
     pulled tight.
 
-    theta is which of the two forms, β and q0; of a straight one the last two say nothing. The stiffness may be
-    negative: a counterbalance pushes away from where it is in line with the arm.
+    theta is the form, β and q0; of a straight one the last two say nothing. The stiffness may be negative: a
+    counterbalance pushes away from where it is in line with the arm. κ has the same sign: what pulls near its centre
+    and pushes farther away turns back as a periodic torque does, and no spring.
     """
 
     name = "joint_spring"
@@ -47,33 +48,35 @@ class JointSpring(JointEffect):
         low, reach = float(scales.q_low[joint]), float(scales.q_high[joint] - scales.q_low[joint])
         if reach <= 0.0:
             return np.array([[STRAIGHT, 0.0, 0.0]])
-        bent = [[BENT, 2.0 * bend / reach, low + share * reach] for bend in BENDS for share in CENTRES]
-        return np.array([[STRAIGHT, 0.0, 0.0], *bent])
+        shapes = [[2.0 * bend / reach, low + share * reach] for bend in BENDS for share in CENTRES]
+        return np.array([[STRAIGHT, 0.0, 0.0], *([way, *shape] for way in (PULLING, PUSHING) for shape in shapes)])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         q = signals.q[:, self.joint(place)]
-        if theta[0] < _BETWEEN:
+        form, bend, centre = _form(theta), float(theta[1]), float(theta[2])
+        if form == STRAIGHT:
             return np.stack([q, np.ones_like(q)], axis=1)[:, None, :]
-        way = q - theta[2]
-        return np.stack([bent(way, float(theta[1])), way], axis=1)[:, None, :]
+        return form * np.stack([bent(q - centre, bend), q - centre], axis=1)[:, None, :]
+
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
+        free = np.full(2, np.inf)
+        return (-free if _form(theta) == STRAIGHT else np.zeros(2)), free
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         first, second = map(float, coefficients)
-        if theta[0] < _BETWEEN:
+        form, bend, centre = _form(theta), float(theta[1]), float(theta[2])
+        if form == STRAIGHT:
             return {"stiffness": first, "centre": -second / first if first else 0.0}
-        return {
-            "stiffness": first + second,
-            "centre": float(theta[2]),
-            "bend": float(theta[1]),
-            "straight": second,
-        }
+        return {"stiffness": form * (first + second), "centre": centre, "bend": bend, "straight": form * second}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         stiffness, centre = float(parameters["stiffness"]), float(parameters["centre"])
         if "bend" not in parameters:
             return np.array([STRAIGHT, 0.0, 0.0]), np.array([stiffness, -stiffness * centre])
         straight = float(parameters["straight"])
-        return np.array([BENT, float(parameters["bend"]), centre]), np.array([stiffness - straight, straight])
+        form = PULLING if stiffness >= 0.0 else PUSHING
+        theta = np.array([form, float(parameters["bend"]), centre])
+        return theta, form * np.array([stiffness - straight, straight])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         joint, stiffness, centre = self.joint(place), float(parameters["stiffness"]), float(parameters["centre"])
@@ -87,6 +90,11 @@ class JointSpring(JointEffect):
             return (stiffness - straight) * float(bent(np.array(at.q - centre), bend))
 
         plant.spending.append((joint, yielding))
+
+
+def _form(theta: Array) -> float:
+    """Errors of parameters are told by slopes, also to the side of a form."""
+    return float(np.round(theta[0]))
 
 
 def bent(way: Array, bend: float) -> Array:

@@ -106,8 +106,8 @@ def test_a_spring_beside_a_slow_cogging_may_be_its_form(
 
 
 def strut(q: Array) -> Array:
-    """N·m of a cylinder of constant force between two points, 0.14 m and 0.1 m from the axis, in line at 0.3 rad."""
-    x = q - 0.3
+    """N·m of a cylinder of constant force between two points, 0.14 m and 0.1 m from the axis, in line at 0.8 rad."""
+    x = q - 0.8
     return 60.0 * 0.014 * np.sin(x) / np.sqrt(0.0296 - 0.028 * np.cos(x))
 
 
@@ -122,7 +122,7 @@ def test_a_spring_that_bends_is_a_spring(
 ) -> None:
     """Of other forms than the catalogue's; a slow cogging, at the order that suits it best, is behind."""
     body = make_chain("rr")
-    recordings = record(body, law, 1.0, 3)
+    recordings = record(body, law, 0.5, 3)
     (finding,) = diagnose(body, recordings).findings
     assert (finding.effect, finding.place.joint, finding.status) == ("joint_spring", 1, "named")
     assert way * float(finding.parameters["bend"].value) > 0.0
