@@ -86,7 +86,9 @@ def _examine_torques(
     body, doubts = model.body, list(structure)
     if believed and np.any(body.prior()[::10] > 0.0):
         doubts = [doubt for doubt in doubts if doubt.wrong]
-        doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
+        if doubts:  # known links tell an angle's sign from its torque's, where bodies of any weight may fit both
+            return misread(model, thinned(shot)) or doubts
+        doubts = [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
         return doubts or _against_model(model, trajectories, thinned(shot))
     if believed and body.n >= _COUPLED:
         doubts = [replace(doubt, wrong=True) for doubt in doubts]

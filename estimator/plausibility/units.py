@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from estimator.convolution import convolve
 from estimator.filtering import plan_filter, resample
-from estimator.plausibility.doubt import Doubt
+from estimator.plausibility.coarse import coarse
+from estimator.plausibility.doubt import Doubt, times
 from estimator.plausibility.snapshot import Snapshot
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
@@ -41,7 +42,7 @@ _TOO_FAST = 5.0
 def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
     """Velocities that are no derivative of the angles: in degrees, or of the other sign or another unit at a joint."""
     ratios: list[list[float]] = [[] for _ in range(body.n)]
-    for trajectory in trajectories:
+    for trajectory in map(coarse, trajectories):
         piece = next(trajectory.segments(CHUNK, 0), None)
         plan = plan_filter(trajectory.rate, _BAND)
         if trajectory.dq is None or piece is None or len(piece) <= 2 * plan.edge + 1:
@@ -87,7 +88,7 @@ def _no_derivative(body: RigidBody, ratios: Mapping[int, float]) -> list[Doubt]:
             problem = f"the velocity of {', '.join(names)} runs against its angle: one of the two has the wrong sign"
             return [Doubt("velocity sign", names, problem, "turn the sign of the velocity", ratio, True)]
         rpm = f" ({_RPM:.2f}: revolutions a minute)" if abs(abs(ratio) / _RPM - 1.0) < _ABOUT else ""
-        problem = f"the velocity of {', '.join(names)} is {ratio:.3g} times the derivative of its angle{rpm}"
+        problem = f"the velocity of {', '.join(names)} is {times(ratio)} times the derivative of its angle{rpm}"
         return [Doubt("velocity scale", names, problem, "convert both to rad and rad/s (m and m/s)", ratio, True)]
     return []
 
@@ -115,15 +116,19 @@ def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     scale = _scales(inverse_dynamics(body, prior, shot.q, shot.dq, shot.ddq), shot)
     if not scale:
         return []
-    sizes = np.abs(list(scale.values()))
-    size = float(np.median(sizes))
+    sizes = np.sort(np.abs(list(scale.values())))
+    # Of the two in the middle the one nearer to one: a single joint in another unit is not all of them.
+    middle = sizes[(len(sizes) - 1) // 2], sizes[len(sizes) // 2]
+    size = float(min(middle, key=lambda ratio: abs(np.log(max(ratio, 1e-12)))))
     joints = tuple(body.joints[j] for j in scale)
     doubts: list[Doubt] = []
     if size > _DOUBTFUL or size < 1.0 / _DOUBTFUL:
         units = (
-            "mA, mN·m, kgf·cm or a raw count" if size > 1.0 else "A, kgf·m, or torques on the motor's side of the gear"
+            "mA, mN·m, kgf·cm, A of a motor without gear, or a raw count"
+            if size > 1.0
+            else "A, kgf·m, a share of the rated torque, or torques on the motor's side of the gear"
         )
-        problem = f"the torques are {size:.3g} times those of the URDF's masses: they may be {units}"
+        problem = f"the torques are {times(size)} times those of the URDF's masses: they may be {units}"
         remedy = "convert them to N·m at the joint (torque constant and gear ratio)"
         certain = size > _IMPOSSIBLE or size < 1.0 / _IMPOSSIBLE
         doubts.append(Doubt("torque scale", joints, problem, remedy, size, certain))
@@ -134,7 +139,20 @@ def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     return doubts
 
 
+def sizes_of_torques(body: RigidBody, shot: Snapshot) -> dict[int, float]:
+    """By joint: the size of the measured torque over that of the given links, where the two go together."""
+    model = inverse_dynamics(body, body.prior(), shot.q, shot.dq, shot.ddq)
+    return {joint: abs(ratio) for joint, ratio in _ratios(model, shot).items()}
+
+
 def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
+    """`_ratios` where the joints that have one carry most of what is expected; nothing otherwise."""
+    result = _ratios(model, shot)
+    sizes = np.mean(model**2, axis=0)
+    return result if float(np.sum(sizes[list(result)])) > _MOST * float(np.sum(sizes)) else {}
+
+
+def _ratios(model: Array, shot: Snapshot) -> dict[int, float]:
     """Measured over model torque, by joint, where they go together once friction and offset are set aside."""
     result: dict[int, float] = {}
     sizes = np.sqrt(np.mean(model**2, axis=0))
@@ -153,5 +171,4 @@ def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
         moved, carried = float(x @ y / (x @ x)), float(pair[:, 0] @ pair[:, 1] / (pair[:, 0] @ pair[:, 0]))
         if moved * carried > 0.0:
             result[joint] = min(moved, carried, key=lambda ratio: abs(np.log(abs(ratio))))
-    heavy = float(np.sum(sizes[list(result)] ** 2)) > _MOST * float(np.sum(sizes**2))
-    return result if heavy else {}
+    return result

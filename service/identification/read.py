@@ -12,7 +12,7 @@ from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
 from service.identification.continuous import continuous
-from service.identification.examined import examined
+from service.identification.examined import examined, examined_beside
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 
 Tell = Callable[[str, float], None]
@@ -79,7 +79,8 @@ def read_recordings(
     tell("examining the recordings", 0.35)
     count = len(recordings)
     learnt, doubts = examined(body, read[:count], believed)
-    judged, doubts_of_judged = examined(body, read[count:], believed)
+    held_out = read[count:]
+    judged, doubts_of_judged = examined_beside(body, learnt, held_out) if believed else examined(body, held_out)
     notes += [*doubts, *doubts_of_judged]
     return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))
 

@@ -17,7 +17,7 @@ from benchmarks.campaign.scenario import stage
 from benchmarks.campaign.sealing import write_run
 from config.loader import HERE
 from estimator import RigidBody, Trajectory, load_rigid_body
-from estimator.plausibility import Doubt, examine
+from estimator.plausibility import Doubt, contradicting, examine
 from service.cli.entry import run
 
 Array = NDArray[np.float64]
@@ -189,6 +189,41 @@ def test_the_urdf_of_another_arm(
 def test_the_same_kinematics_without_masses_are_allowed(seven: Recorded) -> None:
     bare = "".join(part.split("</inertial>")[-1] for part in seven.urdf.read_text().split("<inertial>"))
     assert examine(load_rigid_body(bare), seven.trajectories, believed=True) == []
+
+
+@pytest.mark.parametrize(
+    "alter",
+    [scaled("tau", 1e3), scaled("tau", -1.0), scaled("tau", [1.0, -1.0, 1.0]), exchanged("tau", 1, 2)],
+    ids=["mN·m", "signs", "sign", "order"],
+)
+def test_one_recording_that_contradicts_the_others(alter: Alter, dda: Recorded) -> None:
+    """Taken together with them it may drown them, or be drowned."""
+    right = [replace(t, dq=None) for t in dda.trajectories]
+    assert contradicting(dda.body, right, right) == {}
+    assert contradicting(dda.body, right[1:], right[:1]) == {}
+    wrong = [alter(right[0]), *right[1:]]
+    assert 0 in contradicting(dda.body, wrong, wrong)
+    assert list(contradicting(dda.body, right[1:], wrong[:1])) == [0]
+
+
+def test_one_joint_in_another_unit_is_told_with_its_size(dda: Recorded) -> None:
+    doubt = doubted(dda, scaled("tau", [1.0, 5.0, 1.0]))
+    assert (doubt.kind, doubt.joints) == ("torque scale", ("joint2",))
+    assert "joint2 is 5" in doubt.problem
+    doubt = doubted(dda, scaled("tau", [1.0, 10.0, 1.0]))
+    assert (doubt.kind, doubt.joints) == ("torque scale", ("joint2",))
+
+
+def test_an_angle_that_runs_the_other_way_is_not_taken_for_its_torque(dda: Recorded) -> None:
+    turned = scaled("q", [1.0, -1.0, 1.0])
+    doubt = doubted(dda, lambda t: replace(turned(t), dq=None))
+    assert (doubt.kind, doubt.joints) == ("angle sign", ("joint2",))
+
+
+def test_one_angle_in_degrees(seven: Recorded) -> None:
+    one = np.where(np.arange(7) == 1, np.rad2deg(1.0), 1.0)
+    doubt = doubted(seven, scaled("q", one.tolist()))
+    assert (doubt.kind, doubt.joints) == ("angles in degrees", ("joint2",))
 
 
 def test_a_body_that_is_only_like_this_one_is_not_refused(seven: Recorded) -> None:

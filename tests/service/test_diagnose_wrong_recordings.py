@@ -35,13 +35,20 @@ def motion(seconds: float = 8.0) -> tuple[Array, Array, Array]:
     return t, q + random.normal(0.0, 2e-5, q.shape), tau + random.normal(0.0, 0.3, tau.shape)
 
 
-def told(tmp_path: Path, capsys: pytest.CaptureFixture[str], t: Array, q: Array, tau: Array, urdf: Path = DDA) -> str:
+def told(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    t: Array,
+    q: Array,
+    tau: Array,
+    beside: tuple[str, ...] = (),
+) -> str:
     """The one sentence, exit code 2, that the command ends with."""
     path = tmp_path / "recorded.csv"
     joints = load_rigid_body(DDA).joints
     header = ",".join(["t", *(f"{kind}_{joint}" for kind in ("q", "tau") for joint in joints)])
     np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="", fmt="%.9g")
-    assert run(["diagnose", str(path), "--arm", str(DDA), "--json", str(tmp_path / "answer.json")]) == 2
+    assert run(["diagnose", str(path), *beside, "--arm", str(DDA), "--json", str(tmp_path / "answer.json")]) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
     lines = [line for line in shown.err.strip().splitlines() if line.startswith("etude: ")]
@@ -84,3 +91,23 @@ def test_a_recording_in_which_nothing_moves(tmp_path: Path, capsys: pytest.Captu
 def test_torques_that_never_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     t, q, tau = motion()
     assert "no torque ever changes" in told(tmp_path, capsys, t, q, 0.0 * tau)
+
+
+def test_the_one_recording_in_another_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    right = tmp_path / "right.csv"
+    joints = load_rigid_body(DDA).joints
+    header = ",".join(["t", *(f"{kind}_{joint}" for kind in ("q", "tau") for joint in joints)])
+    np.savetxt(right, np.column_stack([t, q + 1e-5, tau + 0.1]), delimiter=",", header=header, comments="")
+    line = told(tmp_path, capsys, t, q, 1000.0 * tau, beside=(str(right),))
+    assert line.startswith("etude: recorded.csv: the torques are")
+    line = told(tmp_path, capsys, t, q + 1e-5, tau, beside=(str(right), "--hold-out", str(_in_millinewtons(right))))
+    assert line.startswith("etude: millinewtons.csv: the torques are")
+
+
+def _in_millinewtons(right: Path) -> Path:
+    table = np.loadtxt(right, delimiter=",", skiprows=1)
+    table[:, 4:] *= 1000.0
+    path = right.with_name("millinewtons.csv")
+    np.savetxt(path, table, delimiter=",", header=right.read_text().splitlines()[0], comments="")
+    return path
