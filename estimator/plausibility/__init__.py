@@ -3,7 +3,12 @@
 from estimator.plausibility.alike import contradicting
 from estimator.plausibility.cut_off import cut_off, dead
 from estimator.plausibility.doubt import Doubt, Kind
-from estimator.plausibility.examine import examine, examine_motion, without_unusable_torques
+from estimator.plausibility.examine import (
+    examine,
+    examine_motion,
+    without_dead_velocities,
+    without_unusable_torques,
+)
 from estimator.plausibility.leaps import about, leaps, turns
 from estimator.plausibility.poor_motion import missing_motions
 from estimator.plausibility.times import check_times
@@ -23,5 +28,6 @@ __all__ = [
     "missing_motions",
     "readable_wrench",
     "turns",
+    "without_dead_velocities",
     "without_unusable_torques",
 ]

@@ -10,6 +10,8 @@ Kind = Literal[
     "velocities in degrees",
     "velocity scale",
     "velocity sign",
+    "velocity order",
+    "dead velocity channel",
     "torque scale",
     "torque sign",
     "joint turned round",

@@ -35,6 +35,8 @@ _VISIBLE = 0.1
 see, nothing is said of the links."""
 _BEYOND_NOISE = 4.0
 """Times its white noise: a torque of which a right model leaves no more than a quarter."""
+_MOVED = 0.01
+"""rad (m): a joint that went so far had a velocity."""
 _CLEAR = 5.0
 """Times the residual: an inertia whose sign is beyond doubt."""
 
@@ -56,6 +58,29 @@ def without_unusable_torques(
             for joint in np.flatnonzero(flat.any(axis=0)).tolist()
         ]
         result.append(replace(trajectory, unusable=flat) if flat.any() else trajectory)
+    return result, doubts
+
+
+def without_dead_velocities(
+    body: RigidBody, trajectories: Sequence[Trajectory]
+) -> tuple[list[Trajectory], list[Doubt]]:
+    """The recordings without the velocities of those in which a joint's never changes although it moves, these named.
+
+    Drivers that measure none publish zeros: no sensor is broken, and the angles tell the velocities.
+    """
+    result: list[Trajectory] = []
+    doubts: list[Doubt] = []
+    for trajectory in trajectories:
+        silent = np.zeros(body.n, dtype=np.bool_)
+        if trajectory.dq is not None:
+            moved = np.fmax.reduce(trajectory.q, axis=0) - np.fmin.reduce(trajectory.q, axis=0)
+            silent = dead(trajectory.dq) & (moved > _MOVED)
+        if silent.any():
+            names = tuple(body.joints[joint] for joint in np.flatnonzero(silent))
+            problem = f"{trajectory.name}: the velocity of {', '.join(names)} never changes: velocities are left out"
+            remedy = "record what is measured, or leave the columns out"
+            doubts.append(Doubt("dead velocity channel", names, problem, remedy, float(np.mean(silent)), False))
+        result.append(replace(trajectory, dq=None) if silent.any() else trajectory)
     return result, doubts
 
 

@@ -23,12 +23,20 @@ _DEGREES = 180.0 / np.pi
 _ABOUT = 0.15
 """Share by which a ratio of channels may miss 57.3 and still mean degrees."""
 _RPM = 30.0 / np.pi
+_SAID = {
+    _RPM: f"{_RPM:.2f}: revolutions a minute",
+    _DEGREES: f"{_DEGREES:.1f}: degrees/s",
+    1.0 / _DEGREES: f"one over {_DEGREES:.1f}: the angle is in degrees",
+    2.0 * np.pi: f"{2.0 * np.pi:.2f}: the angle is in turns",
+}
 _GAIN = 2.0
 """Times that a velocity may differ from its angle's derivative and still be a sensor of wrong gain."""
 _BAND = 0.5
 _ALIKE = 0.8
 """Least correlation of two channels to compare their sizes: a torque with that of the URDF's masses, beside friction; a
 velocity with its angle's derivative."""
+_SAME, _UNLIKE = 0.95, 0.9
+"""Correlations of a velocity with the derivative of another joint's angle, and with its own, to be that joint's."""
 _MATTERS = 0.1
 """Of the largest joint's: a model torque below is friction's prey."""
 _MOST = 0.5
@@ -42,6 +50,7 @@ _TOO_FAST = 5.0
 def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
     """Velocities that are no derivative of the angles: in degrees, or of the other sign or another unit at a joint."""
     ratios: list[list[float]] = [[] for _ in range(body.n)]
+    another: dict[int, int] = {}
     for trajectory in map(coarse, trajectories):
         piece = next(trajectory.segments(CHUNK, 0), None)
         plan = plan_filter(trajectory.rate, _BAND)
@@ -53,11 +62,36 @@ def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) 
         power = np.sum(slope**2, axis=0)
         both = np.sum(slope * measured, axis=0)
         alike = np.abs(both) > _ALIKE * np.sqrt(power * np.sum(measured**2, axis=0))
+        another |= _of_another(slope, measured)
         for joint in np.flatnonzero((power > 1e-4 * power.max(initial=0.0)) & alike):
             ratios[joint].append(float(both[joint] / power[joint]))
+    if another:
+        return [_velocities_exchanged(body, another)]
     found = {joint: float(np.median(values)) for joint, values in enumerate(ratios) if values}
     turning = {joint: ratio for joint, ratio in found.items() if body.axes[joint].revolute}
     return _degrees(body, list(turning.values())) or _no_derivative(body, found)
+
+
+def _of_another(slope: Array, measured: Array) -> dict[int, int]:
+    """By joint whose velocity (samples, n) is not its angle's derivative, the joint whose derivative it is."""
+    lengths = np.linalg.norm(slope, axis=0)[:, None] * np.linalg.norm(measured, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.where(lengths > 0.0, slope.T @ measured / lengths, 0.0)
+    nearest = np.argmax(np.abs(alike), axis=0)
+    own = np.abs(np.diag(alike))
+    return {
+        joint: other
+        for joint, other in enumerate(nearest.tolist())
+        if own[joint] < _UNLIKE and abs(alike[other, joint]) > _SAME
+    }
+
+
+def _velocities_exchanged(body: RigidBody, another: Mapping[int, int]) -> Doubt:
+    names = body.joints
+    listed = ", ".join(f"{names[joint]} of {names[other]}" for joint, other in another.items())
+    problem = f"velocities are out of order: they are the derivatives of other joints' angles ({listed})"
+    joints = tuple(names[joint] for joint in another)
+    return Doubt("velocity order", joints, problem, "put the velocities in the order of the angles", _SAME, True)
 
 
 def _degrees(body: RigidBody, ratios: Sequence[float]) -> list[Doubt]:
@@ -87,8 +121,8 @@ def _no_derivative(body: RigidBody, ratios: Mapping[int, float]) -> list[Doubt]:
         if kind == "velocity sign":
             problem = f"the velocity of {', '.join(names)} runs against its angle: one of the two has the wrong sign"
             return [Doubt("velocity sign", names, problem, "turn the sign of the velocity", ratio, True)]
-        rpm = f" ({_RPM:.2f}: revolutions a minute)" if abs(abs(ratio) / _RPM - 1.0) < _ABOUT else ""
-        problem = f"the velocity of {', '.join(names)} is {times(ratio)} times the derivative of its angle{rpm}"
+        said = next((f" ({unit})" for size, unit in _SAID.items() if abs(abs(ratio) / size - 1.0) < _ABOUT), "")
+        problem = f"the velocity of {', '.join(names)} is {times(ratio)} times the derivative of its angle{said}"
         return [Doubt("velocity scale", names, problem, "convert both to rad and rad/s (m and m/s)", ratio, True)]
     return []
 

@@ -14,6 +14,7 @@ from estimator.plausibility import (
     contradicting,
     examine,
     examine_motion,
+    without_dead_velocities,
     without_unusable_torques,
 )
 from estimator.rigid_body import RigidBody
@@ -34,7 +35,7 @@ def examined(
     doubts += examine(body, usable, believed)
     if believed:
         _refuse_contradicting(body, usable, usable, doubts)
-    _refuse_what_is_wrong(doubts, trajectories)
+    _refuse_what_is_wrong(body, doubts, trajectories)
     return usable, [str(doubt) for doubt in doubts]
 
 
@@ -50,7 +51,7 @@ def examined_beside(
         return examined(body, judged, believed=True)
     usable, doubts = _usable(body, judged)
     doubts += examine_motion(body, usable)
-    _refuse_what_is_wrong(doubts, judged)
+    _refuse_what_is_wrong(body, doubts, judged)
     _refuse_contradicting(body, learnt, usable, [])
     return usable, [str(doubt) for doubt in doubts]
 
@@ -58,7 +59,9 @@ def examined_beside(
 def _usable(body: RigidBody, trajectories: Sequence[Trajectory]) -> tuple[list[Trajectory], list[Doubt]]:
     for trajectory in trajectories:
         check_times(trajectory)
-    usable, doubts = without_unusable_torques(body, trajectories)
+    moving, doubts = without_dead_velocities(body, trajectories)
+    usable, unusable = without_unusable_torques(body, moving)
+    doubts += unusable
     if all(trajectory.unusable is not None and trajectory.unusable.all() for trajectory in usable):
         raise InputError(_names(trajectories), "no torque ever changes", "record the torques of the joints in N·m")
     return usable, doubts
@@ -101,11 +104,19 @@ def examined_motion(body: RigidBody, trajectories: Sequence[Trajectory]) -> list
     for trajectory in trajectories:
         check_times(trajectory)
     doubts = examine_motion(body, trajectories)
-    _refuse_what_is_wrong(doubts, trajectories)
+    _refuse_what_is_wrong(body, doubts, trajectories)
     return [str(doubt) for doubt in doubts]
 
 
-def _refuse_what_is_wrong(doubts: Sequence[Doubt], trajectories: Sequence[Trajectory]) -> None:
+def _refuse_what_is_wrong(body: RigidBody, doubts: Sequence[Doubt], trajectories: Sequence[Trajectory]) -> None:
     for doubt in doubts:
         if doubt.wrong:
-            raise InputError(_names(trajectories), doubt.problem, doubt.remedy)
+            raise InputError(_names(trajectories), doubt.problem, doubt.remedy + _where_held(body, doubt))
+
+
+def _where_held(body: RigidBody, doubt: Doubt) -> str:
+    """What else to check of links that did not move like this: the joints that nobody recorded."""
+    if doubt.kind != "another arm" or not body.held:
+        return ""
+    held = ", ".join(f"{joint} = {value:g}" for joint, value in body.held.items())
+    return f"; and that the joints without a column stood still there: {held} (--hold JOINT=VALUE)"

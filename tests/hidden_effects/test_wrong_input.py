@@ -17,7 +17,7 @@ from benchmarks.campaign.scenario import stage
 from benchmarks.campaign.sealing import write_run
 from config.loader import HERE
 from estimator import RigidBody, Trajectory, load_rigid_body
-from estimator.plausibility import Doubt, contradicting, examine
+from estimator.plausibility import Doubt, contradicting, examine, without_dead_velocities
 from service.cli.entry import run
 
 Array = NDArray[np.float64]
@@ -230,3 +230,19 @@ def test_a_body_that_is_only_like_this_one_is_not_refused(seven: Recorded) -> No
     """The shipped arm's links lack the rotors that this plant has in them: of some joints more than half."""
     shipped = load_rigid_body(HERE / "arms" / "seven" / "seven.urdf")
     assert examine(shipped, seven.trajectories, believed=True) == []
+
+
+def test_velocities_of_other_joints(dda: Recorded) -> None:
+    for a, b in ((0, 1), (1, 2)):
+        doubt = doubted(dda, exchanged("dq", a, b))
+        assert (doubt.kind, doubt.joints) == ("velocity order", (f"joint{a + 1}", f"joint{b + 1}"))
+
+
+def test_velocities_that_nobody_measured(dda: Recorded) -> None:
+    """Zeros of a driver that measures none are no sensor's gain."""
+    moving, doubts = without_dead_velocities(dda.body, [scaled("dq", [1.0, 0.0, 1.0])(dda.trajectories[0])])
+    assert moving[0].dq is None
+    assert [(doubt.kind, doubt.joints, doubt.wrong) for doubt in doubts] == [
+        ("dead velocity channel", ("joint2",), False)
+    ]
+    assert without_dead_velocities(dda.body, dda.trajectories) == (list(dda.trajectories), [])

@@ -111,3 +111,48 @@ def _in_millinewtons(right: Path) -> Path:
     path = right.with_name("millinewtons.csv")
     np.savetxt(path, table, delimiter=",", header=right.read_text().splitlines()[0], comments="")
     return path
+
+
+@pytest.fixture
+def right(tmp_path: Path) -> Path:
+    t, q, tau = motion()
+    path = tmp_path / "right.csv"
+    header = ",".join(["t", *(f"{kind}_{joint}" for kind in ("q", "tau") for joint in load_rigid_body(DDA).joints)])
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert run(["diagnose", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    return line.removeprefix("etude: ")
+
+
+def test_the_answer_is_not_written_over_a_recording(right: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = right.read_bytes()
+    assert "is one of the recordings" in refused(capsys, right, "--arm", DDA, "--json", right)
+    assert right.read_bytes() == before
+
+
+def test_a_place_for_the_results_is_looked_at_first(right: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = refused(capsys, right.with_name("missing.csv"), "--arm", DDA, "--out", right / "results")
+    assert line.startswith(f"--out {right / 'results'}: {right} is no directory")
+
+
+def test_what_is_no_description_of_an_arm(right: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is no installation file" in refused(capsys, right, "--arm", right)
+    assert "expand it: xacro" in refused(capsys, right, "--arm", right.with_name("arm.xacro"))
+
+
+def test_a_joint_that_is_held_where_it_was_recorded_elsewhere(right: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = refused(capsys, right, "--arm", DDA, "--hold", "joint1=0")
+    assert line.startswith("--hold joint1=0: joint1 is in right.csv, up to 4")
+
+
+def test_recordings_of_other_joints(right: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    part = right.with_name("part.csv")
+    table, joints = np.loadtxt(right, delimiter=",", skiprows=1), load_rigid_body(DDA).joints[:2]
+    header = ",".join(["t", *(f"{kind}_{joint}" for kind in ("q", "tau") for joint in joints)])
+    np.savetxt(part, table[:, [0, 1, 2, 4, 5]], delimiter=",", header=header, comments="")
+    assert "has joint3, which part.csv has not" in refused(capsys, part, right, "--arm", DDA)
+    assert "joint3 = 0 (--hold JOINT=VALUE)" in refused(capsys, part, "--arm", DDA)
