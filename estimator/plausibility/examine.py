@@ -15,7 +15,12 @@ from estimator.plausibility.given_model import GivenModel, thinned
 from estimator.plausibility.hypotheses import Reading, readings
 from estimator.plausibility.misread import UNRELATED, misread
 from estimator.plausibility.snapshot import CHANNELS, ORDERS, Fit, Snapshot, fit, inertias, take
-from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
+from estimator.plausibility.units import (
+    speed_against_limits,
+    torque_against_masses,
+    torques_alike,
+    velocity_against_angle,
+)
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -114,7 +119,9 @@ def _examine_torques(
         if doubts:  # known links tell an angle's sign from its torque's, where bodies of any weight may fit both
             return misread(model, thinned(shot)) or doubts
         doubts = [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
-        return doubts or _against_model(model, trajectories, thinned(shot))
+        alike = torques_alike(body, shot)
+        doubts = doubts or [doubt for doubt in alike if doubt.wrong]
+        return doubts or _against_model(model, trajectories, thinned(shot)) or alike
     if believed and body.n >= _COUPLED:
         doubts = [replace(doubt, wrong=True) for doubt in doubts]
     return doubts or torque_against_masses(body, shot)

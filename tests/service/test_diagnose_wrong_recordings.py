@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from config import InputError
 from config.loader import HERE
-from estimator import inverse_dynamics, load_rigid_body
+from estimator import Trajectory, inverse_dynamics, load_rigid_body
+from estimator.plausibility import without_unusable_torques
 from service.cli.entry import run
+from service.diagnosis.usable import only_usable
 
 DDA = HERE / "arms" / "dda" / "dda.urdf"
 Array = NDArray[np.float64]
@@ -156,3 +159,22 @@ def test_recordings_of_other_joints(right: Path, capsys: pytest.CaptureFixture[s
     np.savetxt(part, table[:, [0, 1, 2, 4, 5]], delimiter=",", header=header, comments="")
     assert "has joint3, which part.csv has not" in refused(capsys, part, right, "--arm", DDA)
     assert "joint3 = 0 (--hold JOINT=VALUE)" in refused(capsys, part, "--arm", DDA)
+
+
+def test_a_torque_that_is_not_measured_has_no_cause(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t, q, tau = motion()
+    tau[:, 1] = 3.0
+    assert "joint2 never changes, although the joint moves" in told(tmp_path, capsys, t, q, tau)
+
+
+def test_what_a_sensor_cuts_off_is_not_looked_at() -> None:
+    t, q, tau = motion()
+    body = load_rigid_body(DDA)
+    (trajectory,), _ = without_unusable_torques(body, [Trajectory(t, q, np.minimum(tau, 0.9 * tau.max(axis=0)))])
+    left = only_usable(body, trajectory)
+    assert trajectory.unusable is not None
+    assert trajectory.unusable.any()
+    assert np.array_equal(np.isnan(left.tau), trajectory.unusable)
+    (trajectory,), _ = without_unusable_torques(body, [Trajectory(t, q, np.clip(tau, -0.1, 0.1))])
+    with pytest.raises(InputError, match="cut off at the end of its range so often"):
+        only_usable(body, trajectory)
