@@ -190,14 +190,14 @@ def torques_alike(body: RigidBody, shot: Snapshot) -> list[Doubt]:
         return []
     size = float(np.median(sizes))
     off = max(size, 1.0 / max(size, 1e-12))
-    if off < _NOTICED or np.max(np.abs(sizes / size - 1.0)) > _ALL_ALIKE:
+    # Two joints a load may make alike, and larger; none makes torques smaller.
+    least, most = (_NO_LOAD, _NO_LOAD_OF_TWO) if len(sizes) == 2 and size > 1.0 else (_NOTICED, _NO_LOAD)
+    if off < least or np.max(np.abs(sizes / size - 1.0)) > _ALL_ALIKE:
         return []
     joints = tuple(body.joints[joint] for joint in scale)
     known = next((f": {what}, perhaps" for ratio, what in _KNOWN.items() if abs(size / ratio - 1.0) < _NEAR), "")
     problem = f"the torques of {', '.join(joints)} are alike {times(size)} times those of the URDF's masses{known}"
     remedy = "check the unit of both: N·m at the joint, and kg"
-    # No load makes torques smaller.
-    most = _NO_LOAD_OF_TWO if len(sizes) == 2 and size > 1.0 else _NO_LOAD
     return [Doubt("torque scale", joints, problem, remedy, size, off > most)]
 
 
