@@ -27,7 +27,11 @@ def known_arms() -> tuple[str, ...]:
 def installation_path(name_or_path: str) -> Path:
     """The TOML file of a known arm, or the path itself. Raises InputError for an unknown name."""
     if name_or_path.endswith(".toml") or os.sep in name_or_path:
-        return Path(name_or_path).expanduser().absolute()
+        path = Path(name_or_path).expanduser().absolute()
+        if path.is_file() and path.suffix != ".toml":
+            remedy = "give the path of one, ending in .toml (with recordings a URDF will do, ending in .urdf)"
+            raise InputError(name_or_path, "is no installation file", remedy)
+        return path
     path = HERE / "arms" / name_or_path / "installation.toml"
     if not path.exists():
         raise InputError(

@@ -125,11 +125,7 @@ class RigidBody:
         for k, link in enumerate(to_thesis_order(np.reshape(parameters, (self.n, 10)))):
             if link[0] == 0.0 and np.any(link[1:4]):
                 raise InputError(f"link of {self.joints[k]}", "has first moments but no mass", "give it a mass")
-            model.inertias[k + 1] = (
-                pin.Inertia.FromDynamicParameters(link)
-                if link[0] != 0.0
-                else pin.Inertia(0.0, np.zeros(3), _symmetric(link[4:]))
-            )
+            model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(link) if link[0] != 0.0 else _massless(link[4:])
         return replace(self, model=model)
 
     def configuration(self, q: Array) -> Array:
@@ -213,6 +209,13 @@ def _square_up(model: Any) -> None:
         square = np.round(placement.rotation)
         if np.abs(placement.rotation - square).max() < _ROUNDED_ANGLE:
             placement.rotation = square
+
+
+def _massless(moments: Array) -> pin.Inertia:
+    """Moments alone, of either sign: pinocchio's constructor takes none that are not positive."""
+    inertia = pin.Inertia.Zero()
+    inertia.inertia = _symmetric(moments)
+    return inertia
 
 
 def _symmetric(entries: Array) -> Array:

@@ -21,6 +21,8 @@ WRENCH_COLUMNS = ("fx", "fy", "fz", "nx", "ny", "nz")
 QUANTITIES = ("q", "dq", "tau")
 MOTOR = "tau_motor"
 MOTOR_ANGLE = "q_motor"
+_SHOWN = 40
+"""Characters of a field that is no number: a damaged file may hold thousands."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -100,6 +102,11 @@ def _header(path: Path, line: str) -> _Header:
     names = tuple(name.strip().strip('"') for name in line.strip().split(","))
     if not line.strip():
         raise InputError(str(path), "is empty", expected)
+    if line.startswith(("#", "%", "//")):
+        raise InputError(place, "is a comment", "leave it out: the first line is the header, t,q_<joint>…")
+    if parted := _parted_by(line):
+        remedy = "write commas between the columns, and points in the numbers"
+        raise InputError(place, f"columns are parted by {parted}", remedy)
     if names[0] != "t":
         raise InputError(f"{place}, column 1", f"is {names[0]!r}, not 't'", expected)
     for number, name in enumerate(names, 1):
@@ -119,6 +126,13 @@ def _header(path: Path, line: str) -> _Header:
     if 0 < len(missing) < len(WRENCH_COLUMNS):
         raise InputError(place, f"the column {missing[0]!r} is missing", "give all six of the wrench, or none")
     return _Header(names, joints)
+
+
+def _parted_by(line: str) -> str | None:
+    """What parts the columns of a header that has no comma; None where it has some, or one column."""
+    named = {";": "semicolons", "\t": "tabs", " ": "spaces"}
+    text = line.strip()
+    return None if "," in text else next((name for sign, name in named.items() if sign in text), None)
 
 
 def _same_joints(place: str, quantity: str, joints: tuple[str, ...], present: set[str]) -> None:
@@ -155,8 +169,13 @@ def _first_fault(path: Path, header: _Header) -> InputError:
             for column, field in enumerate(fields, 1):
                 if not NUMBER.fullmatch(field.strip()):
                     place = f"{path}, line {line}, column {column} ({header.names[column - 1]})"
-                    return InputError(place, f"{field.strip()!r} is not a number", "repair or remove the line")
+                    return InputError(place, f"{_shortened(field)} is not a number", "repair or remove the line")
     return InputError(str(path), "is not the table its header promises", "compare its lines with the header")
+
+
+def _shortened(field: str) -> str:
+    text = field.strip()
+    return repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
 
 
 def _check_time(path: Path, t: Array) -> None:
@@ -166,7 +185,7 @@ def _check_time(path: Path, t: Array) -> None:
         k = int(wrong[0])
         raise InputError(
             f"{path}, line {_line_of_row(path, k + 1)}, column 1 (t)",
-            f"time {t[k + 1]:g} does not come after {t[k]:g}",
+            f"time {t[k + 1]:.15g} does not come after {t[k]:.15g}",
             "sort the lines by time and remove repeated ones",
         )
     if gaps := find_gaps(t):

@@ -10,6 +10,8 @@ Kind = Literal[
     "velocities in degrees",
     "velocity scale",
     "velocity sign",
+    "velocity order",
+    "dead velocity channel",
     "torque scale",
     "torque sign",
     "joint turned round",
@@ -39,3 +41,8 @@ class Doubt:
 
     def __str__(self) -> str:
         return f"{self.problem}; {self.remedy}"
+
+
+def times(ratio: float) -> str:
+    """A ratio as one says it: three digits, and thousands in full."""
+    return f"{ratio:.3g}" if abs(ratio) < 1000.0 else f"{ratio:.0f}"

@@ -15,7 +15,12 @@ from estimator.plausibility.given_model import GivenModel, thinned
 from estimator.plausibility.hypotheses import Reading, readings
 from estimator.plausibility.misread import UNRELATED, misread
 from estimator.plausibility.snapshot import CHANNELS, ORDERS, Fit, Snapshot, fit, inertias, take
-from estimator.plausibility.units import speed_against_limits, torque_against_masses, velocity_against_angle
+from estimator.plausibility.units import (
+    speed_against_limits,
+    torque_against_masses,
+    torques_alike,
+    velocity_against_angle,
+)
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -35,6 +40,8 @@ _VISIBLE = 0.1
 see, nothing is said of the links."""
 _BEYOND_NOISE = 4.0
 """Times its white noise: a torque of which a right model leaves no more than a quarter."""
+_MOVED = 0.01
+"""rad (m): a joint that went so far had a velocity."""
 _CLEAR = 5.0
 """Times the residual: an inertia whose sign is beyond doubt."""
 
@@ -56,6 +63,29 @@ def without_unusable_torques(
             for joint in np.flatnonzero(flat.any(axis=0)).tolist()
         ]
         result.append(replace(trajectory, unusable=flat) if flat.any() else trajectory)
+    return result, doubts
+
+
+def without_dead_velocities(
+    body: RigidBody, trajectories: Sequence[Trajectory]
+) -> tuple[list[Trajectory], list[Doubt]]:
+    """The recordings without the velocities of those in which a joint's never changes although it moves, these named.
+
+    Drivers that measure none publish zeros: no sensor is broken, and the angles tell the velocities.
+    """
+    result: list[Trajectory] = []
+    doubts: list[Doubt] = []
+    for trajectory in trajectories:
+        silent = np.zeros(body.n, dtype=np.bool_)
+        if trajectory.dq is not None:
+            moved = np.fmax.reduce(trajectory.q, axis=0) - np.fmin.reduce(trajectory.q, axis=0)
+            silent = dead(trajectory.dq) & (moved > _MOVED)
+        if silent.any():
+            names = tuple(body.joints[joint] for joint in np.flatnonzero(silent))
+            problem = f"{trajectory.name}: the velocity of {', '.join(names)} never changes: velocities are left out"
+            remedy = "record what is measured, or leave the columns out"
+            doubts.append(Doubt("dead velocity channel", names, problem, remedy, float(np.mean(silent)), False))
+        result.append(replace(trajectory, dq=None) if silent.any() else trajectory)
     return result, doubts
 
 
@@ -86,8 +116,12 @@ def _examine_torques(
     body, doubts = model.body, list(structure)
     if believed and np.any(body.prior()[::10] > 0.0):
         doubts = [doubt for doubt in doubts if doubt.wrong]
-        doubts = doubts or [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
-        return doubts or _against_model(model, trajectories, thinned(shot))
+        if doubts:  # known links tell an angle's sign from its torque's, where bodies of any weight may fit both
+            return misread(model, thinned(shot)) or doubts
+        doubts = [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
+        alike = torques_alike(body, shot)
+        doubts = doubts or [doubt for doubt in alike if doubt.wrong]
+        return doubts or _against_model(model, trajectories, thinned(shot)) or alike
     if believed and body.n >= _COUPLED:
         doubts = [replace(doubt, wrong=True) for doubt in doubts]
     return doubts or torque_against_masses(body, shot)

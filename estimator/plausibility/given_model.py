@@ -67,9 +67,26 @@ class GivenModel:
     def left(self, shot: Snapshot) -> Array | None:
         """(n,) as `Judged.left`, of a `thinned` snapshot; None when too little moves to say."""
         if self._seen is None or self._seen[0] is not shot.q:
-            columns = self._base.select(torque_regressor(self.body, shot.q, shot.dq, shot.ddq))
-            self._seen = shot.q, columns
+            self._seen = shot.q, self._columns(shot)
         return _left(shot, self._seen[1], self._precision, self._beta)
+
+    def foretold(self, learnt: Snapshot, other: Snapshot) -> list[tuple[Array, Array]] | None:
+        """By joint, where it moves, the torques of another snapshot: as this model foretells them once it has been
+        fitted to the one that was learnt from, and as they came. None when too little moves to say."""
+        system = _system(learnt, self._columns(learnt))
+        if system.rows < _LEAST_ROWS:
+            return None
+        unknowns = _solved(system, self._precision, self._beta)
+        terms, rigid = friction_terms(other), self._columns(other) @ unknowns[: system.rank]
+        told = []
+        for joint in range(self.body.n):
+            here = other.moving[:, joint] & other.usable[:, joint]
+            own = unknowns[system.rank + TERMS * joint : system.rank + TERMS * (joint + 1)]
+            told.append((rigid[here, joint] + terms[here, joint] @ own, other.tau[here, joint]))
+        return told
+
+    def _columns(self, shot: Snapshot) -> Array:
+        return self._base.select(torque_regressor(self.body, shot.q, shot.dq, shot.ddq))
 
     def judged(self, shot: Snapshot) -> Judged | None:
         """Model, and what is expected of it, against friction alone, on a `thinned` snapshot; None when too little
@@ -99,27 +116,51 @@ def thinned(shot: Snapshot) -> Snapshot:
     return replace(shot, **kept)
 
 
-def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Array | None:
-    """(n,) share that is left by base parameters near ``beta`` (rank,), with friction and rotors that are not
-    negative, and an offset a joint. ``columns`` (samples, n, rank)."""
-    n, rank = shot.q.shape[1], len(beta)
-    size = rank + TERMS * n
-    gram, right = np.zeros((size, size)), np.zeros(size)
-    gram[:rank, :rank], right[:rank] = precision, precision @ beta
+@dataclass(frozen=True)
+class _System:
+    """Weighted equations of a snapshot, joint after joint: base parameters, then friction, rotor and offset a joint."""
+
+    blocks: list[tuple[Array, Array]]
+    """Rows and right-hand side of each joint, where it moves and its torque says something."""
+    rank: int
+
+    @property
+    def rows(self) -> int:
+        return sum(len(target) for _, target in self.blocks)
+
+
+def _system(shot: Snapshot, columns: Array) -> _System:
+    """``columns`` (samples, n, rank) of the base parameters."""
+    n, rank = shot.q.shape[1], columns.shape[2]
     terms = friction_terms(shot)
     blocks: list[tuple[Array, Array]] = []
     for joint in range(n):
         here = shot.moving[:, joint] & shot.usable[:, joint]
-        block = np.zeros((int(here.sum()), size))
+        block = np.zeros((int(here.sum()), rank + TERMS * n))
         block[:, :rank] = columns[here, joint]
         block[:, rank + TERMS * joint : rank + TERMS * (joint + 1)] = terms[here, joint]
         weight = 1.0 / (_FLOOR * max(rms(shot.tau[here, joint]), 1e-12))
-        block, target = weight * block, weight * shot.tau[here, joint]
+        blocks.append((weight * block, weight * shot.tau[here, joint]))
+    return _System(blocks, rank)
+
+
+def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Array | None:
+    """(n,) share that is left by base parameters near ``beta`` (rank,), with friction and rotors that are not
+    negative, and an offset a joint. ``columns`` (samples, n, rank)."""
+    system = _system(shot, columns)
+    if system.rows < _LEAST_ROWS:
+        return None
+    unknowns = _solved(system, precision, beta)
+    return np.array([_FLOOR * rms(y - x @ unknowns) if len(y) else np.nan for x, y in system.blocks])
+
+
+def _solved(system: _System, precision: Array, beta: Array) -> Array:
+    rank, size = system.rank, system.blocks[0][0].shape[1]
+    gram, right = np.zeros((size, size)), np.zeros(size)
+    gram[:rank, :rank], right[:rank] = precision, precision @ beta
+    for block, target in system.blocks:
         gram += block.T @ block
         right += block.T @ target
-        blocks.append((block, target))
-    if sum(len(target) for _, target in blocks) < _LEAST_ROWS:
-        return None
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0.0] = 1.0
     gram = gram / np.outer(scale, scale) + _RIDGE * np.eye(size)
@@ -133,5 +174,4 @@ def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Arra
         if not negative.any():
             break
         free &= ~negative
-    unknowns /= scale
-    return np.array([_FLOOR * rms(y - x @ unknowns) if len(y) else np.nan for x, y in blocks])
+    return np.asarray(unknowns / scale)

@@ -13,9 +13,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.plausibility.doubt import Doubt, Kind
+from estimator.plausibility.doubt import Doubt, Kind, times
 from estimator.plausibility.given_model import GivenModel
 from estimator.plausibility.snapshot import CHANNELS, ORDERS, Snapshot
+from estimator.plausibility.units import sizes_of_torques
 
 Array = NDArray[np.float64]
 
@@ -28,8 +29,11 @@ _BETTER = 1.5
 the stand-in's arms reach 0.01, wrong ones 2 and more."""
 _STEP = 0.3
 """Nats that each further exchange of two joints must bring."""
-_ZEROS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
+_ZEROS = tuple(0.25 * np.pi * k for k in (2, -2, 4, 1, -1, 3, -3))
 """By which conventions of a joint's zero differ."""
+_UNLIKE = 3.0
+"""Times that a joint's torque differs from what the given links make, to be in another unit and not of a motor whose
+torque constant is off."""
 _UNITS = (1e3, 1e-3, 1.0 / 9.80665, 10.0 / 0.980665, 1.0 / 0.0980665, 0.01 * 9.80665)
 """Times that one joint's torques may be off: mN·m, kN·m, kgf·m, kgf·cm and their like."""
 
@@ -83,6 +87,7 @@ def _readings(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[_R
 
 def _single(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[tuple[Kind, int, float, Snapshot]]:
     n = model.body.n
+    scales = sizes_of_torques(model.body, shot)
     for joint in np.flatnonzero(np.isfinite(as_it_is)).tolist():
         own = np.arange(n) == joint
         sign = np.where(own, -1.0, 1.0)
@@ -93,9 +98,19 @@ def _single(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[tupl
         if model.body.axes[joint].revolute:
             for zero in _ZEROS:
                 yield "angle zero", joint, zero, replace(shot, q=shot.q + zero * own)
-        if as_it_is[joint] > _WELL:
-            for unit in _UNITS:
-                yield "torque scale", joint, unit, replace(shot, tau=shot.tau / np.where(own, unit, 1.0))
+            radians = np.where(own, np.pi / 180.0, 1.0)
+            read = replace(shot, q=shot.q * radians, dq=shot.dq * radians, ddq=shot.ddq * radians)
+            yield "angles in degrees", joint, 0.0, read
+        for unit in _sizes(as_it_is[joint], scales.get(joint)):
+            yield "torque scale", joint, unit, replace(shot, tau=shot.tau / np.where(own, unit, 1.0))
+
+
+def _sizes(left: float, scale: float | None) -> Sequence[float]:
+    """Times that a joint's torques may be too large: the size that is measured, where the links are seen in them;
+    else any unit, where they are not explained well."""
+    if scale is None:
+        return _UNITS if left > _WELL else ()
+    return (scale,) if not 1.0 / _UNLIKE < scale < _UNLIKE else ()
 
 
 def _ordered(model: GivenModel, shot: Snapshot, kind: Kind, as_it_is: Array) -> _Reading | None:
@@ -121,7 +136,8 @@ def _ordered(model: GivenModel, shot: Snapshot, kind: Kind, as_it_is: Array) -> 
 def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:
     joints = tuple(names[j] for j in reading.joints)
     ratio = reading.left / np.maximum(as_it_is, 1e-9)
-    worst = int(np.nanargmin(ratio))
+    # Of its own joint, where it is one joint's unit; the others only go with it.
+    worst = reading.joints[0] if reading.kind == "torque scale" else int(np.nanargmin(ratio))
     before, after = 100.0 * as_it_is[worst], 100.0 * reading.left[worst]
     gain = f"{before:.2g} % of the torque of {names[worst]} contradicts the model, {after:.2g} % if"
     if reading.kind in ORDERS:
@@ -136,11 +152,13 @@ def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:
     elif reading.kind == "joint turned round":
         problem = f"{joints[0]} is recorded the other way round than in the URDF: {gain} it is turned"
         remedy = "turn the sign of its angle, velocity and torque, or check that the URDF is this arm's"
+    elif reading.kind == "angles in degrees":
+        problem, remedy = f"the angle of {joints[0]} is in degrees: {gain} it is so read", "convert it to rad"
     elif reading.kind == "angle zero":
         degrees = np.degrees(reading.size)
         problem = f"the angle of {joints[0]} has another zero than in the URDF: {gain} {degrees:+.0f}° are added"
         remedy = "take the URDF's zero, or check that the URDF is this arm's"
     else:
-        problem = f"the torque of {joints[0]} is {reading.size:.3g} times too large for N·m: {gain} it is so read"
+        problem = f"the torque of {joints[0]} is {times(reading.size)} times as large as in N·m: {gain} it is so read"
         remedy = "convert it to N·m at the joint"
     return Doubt(reading.kind, joints, problem, remedy, float(ratio[worst]), True)

@@ -26,15 +26,11 @@ _ONE_SPEED = 0.15
 """Spread (standard deviation over mean) of a joint's speeds while it moves: those of a sine spread by 0.48, of a
 trapezium with a tenth of its time on each ramp by 0.2."""
 
-_FAR_APART = 0.5
-"""s between samples: times in milliseconds or nanoseconds read like that."""
-
 
 def missing_motions(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[str]:
     """A sentence for each kind of motion that some joints lack, with what stays untold and what to record.
 
-    Raises InputError when no joint moves at all, for nothing but gravity could be told of one pose, or seems not to for
-    the unit of the times.
+    Raises InputError when no joint moves at all, for nothing but gravity could be told of one pose.
     """
     shot = take(trajectories)
     if shot is None:
@@ -54,16 +50,17 @@ def missing_motions(body: RigidBody, trajectories: Sequence[Trajectory]) -> list
             one_speed.append(name)
     if len(still) == body.n:
         names = ", ".join(trajectory.name for trajectory in trajectories)
-        apart = 1.0 / min(trajectory.rate for trajectory in trajectories)
-        if apart > _FAR_APART:
-            raise InputError(names, f"samples are {apart:.3g} s apart, too far for any motion", "give times in seconds")
         raise InputError(names, "no joint moves", "record motions in which every joint turns both ways at many speeds")
     told = (
-        (still, "never moves", "nothing is told of friction, rotor or sensors there", "a motion of it, both ways"),
-        (one_way, "moves one way only", "friction there looks like an offset", "the same motion backwards as well"),
-        (one_speed, "moves at one speed only", "laws of friction look alike there", "slower and faster motions"),
+        (still, "never move", "nothing is told of friction, rotor or sensors there", "a motion of it, both ways"),
+        (one_way, "move one way only", "friction there looks like an offset", "the same motion backwards as well"),
+        (one_speed, "move at one speed only", "laws of friction look alike there", "slower and faster motions"),
     )
-    return [f"{', '.join(names)} {what}: {untold}; record {motion}" for names, what, untold, motion in told if names]
+    return [f"{_subject(names, what)}: {untold}; record {motion}" for names, what, untold, motion in told if names]
+
+
+def _subject(names: Sequence[str], what: str) -> str:
+    return f"{', '.join(names)} {what.replace('move', 'moves') if len(names) == 1 else what}"
 
 
 def _speed_noise(trajectories: Sequence[Trajectory], band: float) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.convolution import convolve
 from estimator.filtering import plan_filter, resample, smooth_motion
+from estimator.plausibility.coarse import coarse
 from estimator.plausibility.doubt import Kind
 from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
@@ -69,6 +70,7 @@ class Snapshot:
 def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
     """A snapshot of some recordings; None when they have no gapless half of a second."""
     limits = rest_speeds(trajectories)
+    trajectories = [coarse(trajectory) for trajectory in trajectories]
     band = _band(trajectories)
     parts: list[list[Array]] = []
     for trajectory in trajectories:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from estimator.convolution import convolve
 from estimator.filtering import plan_filter, resample
-from estimator.plausibility.doubt import Doubt
+from estimator.plausibility.coarse import coarse
+from estimator.plausibility.doubt import Doubt, times
 from estimator.plausibility.snapshot import Snapshot
 from estimator.regressor import inverse_dynamics
 from estimator.rigid_body import RigidBody
@@ -22,18 +23,34 @@ _DEGREES = 180.0 / np.pi
 _ABOUT = 0.15
 """Share by which a ratio of channels may miss 57.3 and still mean degrees."""
 _RPM = 30.0 / np.pi
+_SAID = {
+    _RPM: f"{_RPM:.2f}: revolutions a minute",
+    _DEGREES: f"{_DEGREES:.1f}: degrees/s",
+    1.0 / _DEGREES: f"one over {_DEGREES:.1f}: the angle is in degrees",
+    2.0 * np.pi: f"{2.0 * np.pi:.2f}: the angle is in turns",
+}
 _GAIN = 2.0
 """Times that a velocity may differ from its angle's derivative and still be a sensor of wrong gain."""
 _BAND = 0.5
 _ALIKE = 0.8
 """Least correlation of two channels to compare their sizes: a torque with that of the URDF's masses, beside friction; a
 velocity with its angle's derivative."""
+_SAME, _UNLIKE = 0.95, 0.9
+"""Correlations of a velocity with the derivative of another joint's angle, and with its own, to be that joint's."""
 _MATTERS = 0.1
 """Of the largest joint's: a model torque below is friction's prey."""
 _MOST = 0.5
 """Share of the model torques' energy that the compared joints must have."""
 _DOUBTFUL, _IMPOSSIBLE = 5.0, 20.0
 """Times that masses in a URDF are off. Rough CAD is off by two, amperes and millinewtons by far more."""
+_ALL_ALIKE = 0.06
+"""Share by which joints' ratios differ that are all off by one unit: right recordings of arms differ so much."""
+_NOTICED, _NO_LOAD, _NO_LOAD_OF_TWO = 1.2, 1.8, 2.5
+"""Times off: to be said; and to be wrong, on three joints and more, or on two. A gripper that the URDF lacks makes the
+torques of two joints 1.55 times as large (the Kinova of ../shared/data)."""
+_NEAR = 0.02
+_KNOWN = {0.7376: "in lbf·ft", 1.0 / 2.2046: "of masses in lb", 2.2046: "of masses in lb", 2.0**0.5: "by peak currents"}
+"""By the size of the torques over those of the URDF what either may be told in."""
 _TOO_FAST = 5.0
 """Times a URDF's velocity limit."""
 
@@ -41,7 +58,8 @@ _TOO_FAST = 5.0
 def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) -> list[Doubt]:
     """Velocities that are no derivative of the angles: in degrees, or of the other sign or another unit at a joint."""
     ratios: list[list[float]] = [[] for _ in range(body.n)]
-    for trajectory in trajectories:
+    another: dict[int, int] = {}
+    for trajectory in map(coarse, trajectories):
         piece = next(trajectory.segments(CHUNK, 0), None)
         plan = plan_filter(trajectory.rate, _BAND)
         if trajectory.dq is None or piece is None or len(piece) <= 2 * plan.edge + 1:
@@ -52,11 +70,36 @@ def velocity_against_angle(body: RigidBody, trajectories: Sequence[Trajectory]) 
         power = np.sum(slope**2, axis=0)
         both = np.sum(slope * measured, axis=0)
         alike = np.abs(both) > _ALIKE * np.sqrt(power * np.sum(measured**2, axis=0))
+        another |= _of_another(slope, measured)
         for joint in np.flatnonzero((power > 1e-4 * power.max(initial=0.0)) & alike):
             ratios[joint].append(float(both[joint] / power[joint]))
+    if another:
+        return [_velocities_exchanged(body, another)]
     found = {joint: float(np.median(values)) for joint, values in enumerate(ratios) if values}
     turning = {joint: ratio for joint, ratio in found.items() if body.axes[joint].revolute}
     return _degrees(body, list(turning.values())) or _no_derivative(body, found)
+
+
+def _of_another(slope: Array, measured: Array) -> dict[int, int]:
+    """By joint whose velocity (samples, n) is not its angle's derivative, the joint whose derivative it is."""
+    lengths = np.linalg.norm(slope, axis=0)[:, None] * np.linalg.norm(measured, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.where(lengths > 0.0, slope.T @ measured / lengths, 0.0)
+    nearest = np.argmax(np.abs(alike), axis=0)
+    own = np.abs(np.diag(alike))
+    return {
+        joint: other
+        for joint, other in enumerate(nearest.tolist())
+        if own[joint] < _UNLIKE and abs(alike[other, joint]) > _SAME
+    }
+
+
+def _velocities_exchanged(body: RigidBody, another: Mapping[int, int]) -> Doubt:
+    names = body.joints
+    listed = ", ".join(f"{names[joint]} of {names[other]}" for joint, other in another.items())
+    problem = f"velocities are out of order: they are the derivatives of other joints' angles ({listed})"
+    joints = tuple(names[joint] for joint in another)
+    return Doubt("velocity order", joints, problem, "put the velocities in the order of the angles", _SAME, True)
 
 
 def _degrees(body: RigidBody, ratios: Sequence[float]) -> list[Doubt]:
@@ -86,8 +129,8 @@ def _no_derivative(body: RigidBody, ratios: Mapping[int, float]) -> list[Doubt]:
         if kind == "velocity sign":
             problem = f"the velocity of {', '.join(names)} runs against its angle: one of the two has the wrong sign"
             return [Doubt("velocity sign", names, problem, "turn the sign of the velocity", ratio, True)]
-        rpm = f" ({_RPM:.2f}: revolutions a minute)" if abs(abs(ratio) / _RPM - 1.0) < _ABOUT else ""
-        problem = f"the velocity of {', '.join(names)} is {ratio:.3g} times the derivative of its angle{rpm}"
+        said = next((f" ({unit})" for size, unit in _SAID.items() if abs(abs(ratio) / size - 1.0) < _ABOUT), "")
+        problem = f"the velocity of {', '.join(names)} is {times(ratio)} times the derivative of its angle{said}"
         return [Doubt("velocity scale", names, problem, "convert both to rad and rad/s (m and m/s)", ratio, True)]
     return []
 
@@ -115,15 +158,19 @@ def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     scale = _scales(inverse_dynamics(body, prior, shot.q, shot.dq, shot.ddq), shot)
     if not scale:
         return []
-    sizes = np.abs(list(scale.values()))
-    size = float(np.median(sizes))
+    sizes = np.sort(np.abs(list(scale.values())))
+    # Of the two in the middle the one nearer to one: a single joint in another unit is not all of them.
+    middle = sizes[(len(sizes) - 1) // 2], sizes[len(sizes) // 2]
+    size = float(min(middle, key=lambda ratio: abs(np.log(max(ratio, 1e-12)))))
     joints = tuple(body.joints[j] for j in scale)
     doubts: list[Doubt] = []
     if size > _DOUBTFUL or size < 1.0 / _DOUBTFUL:
         units = (
-            "mA, mN·m, kgf·cm or a raw count" if size > 1.0 else "A, kgf·m, or torques on the motor's side of the gear"
+            "mA, mN·m, kgf·cm, A of a motor without gear, or a raw count"
+            if size > 1.0
+            else "A, kgf·m, a share of the rated torque, or torques on the motor's side of the gear"
         )
-        problem = f"the torques are {size:.3g} times those of the URDF's masses: they may be {units}"
+        problem = f"the torques are {times(size)} times those of the URDF's masses: they may be {units}"
         remedy = "convert them to N·m at the joint (torque constant and gear ratio)"
         certain = size > _IMPOSSIBLE or size < 1.0 / _IMPOSSIBLE
         doubts.append(Doubt("torque scale", joints, problem, remedy, size, certain))
@@ -134,7 +181,40 @@ def torque_against_masses(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     return doubts
 
 
+def torques_alike(body: RigidBody, shot: Snapshot) -> list[Doubt]:
+    """Torques that are off from those of the URDF's masses by one factor at every joint where the two are seen: no
+    load and no friction does that."""
+    scale = sizes_of_torques(body, shot)
+    sizes = np.array(list(scale.values()))
+    if len(sizes) < 2:
+        return []
+    size = float(np.median(sizes))
+    off = max(size, 1.0 / max(size, 1e-12))
+    # Two joints a load may make alike, and larger; none makes torques smaller.
+    least, most = (_NO_LOAD, _NO_LOAD_OF_TWO) if len(sizes) == 2 and size > 1.0 else (_NOTICED, _NO_LOAD)
+    if off < least or np.max(np.abs(sizes / size - 1.0)) > _ALL_ALIKE:
+        return []
+    joints = tuple(body.joints[joint] for joint in scale)
+    known = next((f": {what}, perhaps" for ratio, what in _KNOWN.items() if abs(size / ratio - 1.0) < _NEAR), "")
+    problem = f"the torques of {', '.join(joints)} are alike {times(size)} times those of the URDF's masses{known}"
+    remedy = "check the unit of both: N·m at the joint, and kg"
+    return [Doubt("torque scale", joints, problem, remedy, size, off > most)]
+
+
+def sizes_of_torques(body: RigidBody, shot: Snapshot) -> dict[int, float]:
+    """By joint: the size of the measured torque over that of the given links, where the two go together."""
+    model = inverse_dynamics(body, body.prior(), shot.q, shot.dq, shot.ddq)
+    return {joint: abs(ratio) for joint, ratio in _ratios(model, shot).items()}
+
+
 def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
+    """`_ratios` where the joints that have one carry most of what is expected; nothing otherwise."""
+    result = _ratios(model, shot)
+    sizes = np.mean(model**2, axis=0)
+    return result if float(np.sum(sizes[list(result)])) > _MOST * float(np.sum(sizes)) else {}
+
+
+def _ratios(model: Array, shot: Snapshot) -> dict[int, float]:
     """Measured over model torque, by joint, where they go together once friction and offset are set aside."""
     result: dict[int, float] = {}
     sizes = np.sqrt(np.mean(model**2, axis=0))
@@ -153,5 +233,4 @@ def _scales(model: Array, shot: Snapshot) -> dict[int, float]:
         moved, carried = float(x @ y / (x @ x)), float(pair[:, 0] @ pair[:, 1] / (pair[:, 0] @ pair[:, 0]))
         if moved * carried > 0.0:
             result[joint] = min(moved, carried, key=lambda ratio: abs(np.log(abs(ratio))))
-    heavy = float(np.sum(sizes[list(result)] ** 2)) > _MOST * float(np.sum(sizes**2))
-    return result if heavy else {}
+    return result

@@ -20,6 +20,7 @@ from service.cli.options import (
     MotionsOption,
     OutOption,
     TopicOption,
+    keep_inputs,
     new_directory,
     refuse,
 )
@@ -56,6 +57,7 @@ def diagnose(
     json: JsonOption = None,
 ) -> None:
     """Name what the arm's model gets wrong, from recordings or by experiment."""
+    keep_inputs(json, recordings, hold_out)
     if experiment:
         unfit = (("--hold", hold), ("--out", out), ("--topic", topic != JOINT_STATES))
         refuse(unfit, "is for diagnosing from recordings alone", "leave it out, or --experiment")

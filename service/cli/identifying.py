@@ -22,6 +22,7 @@ from service.cli.options import (
     OutOption,
     TopicOption,
     installation_of,
+    keep_inputs,
     new_directory,
     refuse,
 )
@@ -66,6 +67,7 @@ def links(
     json: JsonOption = None,
 ) -> None:
     """Identify the links, from recordings or by moving the arm."""
+    keep_inputs(json, recordings, hold_out)
     if recordings:
         moving = (("--motion", motion), ("--design", design), ("--attached", attached))
         refuse(moving, "is for identifying by moving the arm", "leave it out, or leave the recordings out")

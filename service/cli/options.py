@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,6 +34,28 @@ def _json_target(given: str | None) -> str | None:
         why = "no permission to write there" if path.parent.is_dir() else f"there is no directory {path.parent}"
         raise InputError(f"--json {given}", f"the answer cannot be written here ({why})", "name another file")
     return given
+
+
+def _out_target(given: Path | None) -> Path | None:
+    """Refuse a directory that cannot be made before anything is done, for the same reason."""
+    if given is None:
+        return None
+    there = next(path for path in (given.absolute(), *given.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise InputError(f"--out {given}", f"{there} is no directory", "name another directory")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"--out {given}", f"no permission to write in {there}", "name another directory")
+    return given
+
+
+def keep_inputs(json: str | None, *named: Sequence[str] | None) -> None:
+    """Raise InputError where the answer would be written over one of the files that a command reads."""
+    if json is None or json == STDOUT:
+        return
+    target = Path(json).resolve()
+    for given in (path for paths in named for path in paths or ()):
+        if Path(given).resolve() == target:
+            raise InputError(f"--json {json}", "is one of the recordings", "name another file; nothing was overwritten")
 
 
 JsonOption = Annotated[
@@ -75,7 +97,8 @@ MotionsOption = Annotated[
 ]
 BandOption = Annotated[float | None, typer.Option("--band", metavar="HZ", help="Band of the estimate.", min=0.1)]
 OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Where the results go. [the state directory]")
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Where the results go. [the state directory]", callback=_out_target),
 ]
 
 

@@ -22,6 +22,7 @@ from service.diagnosis.json_answer import as_json
 from service.diagnosis.keeping import keep
 from service.diagnosis.request import DiagnoseRequest
 from service.diagnosis.simulating import replay_both
+from service.diagnosis.usable import only_usable
 from service.identification.read import ReadRecordings, read_recordings
 from service.models.model_file import model_file, write_model
 from service.models.store import keep_model, next_version
@@ -83,7 +84,8 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
 def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
     """The arm; its drives where every recording to learn from has the torques of motors and sensors, and its gears
     where every one has the angles on both sides."""
-    result = diagnose(read.body, read.trajectories, read.hold_out, tolerance)
+    learning, judging = ([only_usable(read.body, t) for t in some] for some in (read.trajectories, read.hold_out))
+    result = diagnose(read.body, learning, judging, tolerance)
     learnt = list(zip(read.trajectories, read.recordings, strict=False))
     motors = [
         replace(trajectory, tau=recording.tau_motor[:, read.body.columns(recording.joints)], unusable=None)

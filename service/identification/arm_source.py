@@ -47,8 +47,10 @@ class ArmSource:
 
 def arm_source(arm: str) -> ArmSource:
     """The arm that ``--arm`` names: a URDF file, an installation file, or a configured arm's name."""
-    if arm.endswith(".urdf"):
-        path = Path(arm)
+    path = Path(arm)
+    if path.suffix.lower() == ".xacro":
+        raise InputError(arm, "is a macro of a URDF", f"expand it: xacro {arm} > {path.stem}.urdf")
+    if path.suffix.lower() in (".urdf", ".xml"):
         if not path.is_file():
             raise InputError(arm, "there is no such file", "give the path of the arm's URDF")
         return ArmSource(path.stem, path.absolute())

@@ -6,16 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from config import InputError
 from driver.recording import Recording
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
 from service.identification.continuous import continuous
-from service.identification.examined import examined
+from service.identification.examined import examined, examined_beside
 from service.identification.recorded import Source, read_any, source_of, trajectory_of
 
 Tell = Callable[[str, float], None]
+_HELD = 0.05
+"""rad (m): what a joint that is held may stand away from where it is said to."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ def read_recordings(
             arm = recorded_arm(recording, path)
         if body is None:
             body = arm.rigid_body(recording.joints, hold)
+        _same_joints(path, recording, paths[0], body, arm, hold)
+        _held_still(path, recording, hold)
         notes += [f"{path.name}: {note}" for note in recording.notes]
         sources.append(source_of(path, recording))
         _once(path, sources, len(recordings))
@@ -79,9 +85,32 @@ def read_recordings(
     tell("examining the recordings", 0.35)
     count = len(recordings)
     learnt, doubts = examined(body, read[:count], believed)
-    judged, doubts_of_judged = examined(body, read[count:], believed)
+    held_out = read[count:]
+    judged, doubts_of_judged = examined_beside(body, learnt, held_out) if believed else examined(body, held_out)
     notes += [*doubts, *doubts_of_judged]
     return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))
+
+
+def _same_joints(
+    path: Path, recording: Recording, first: Path, body: RigidBody, arm: ArmSource, hold: Mapping[str, float]
+) -> None:
+    """Raises InputError for a recording of more joints than the first, of a URDF that does not say which are the arm's:
+    what moves there is not taken as held."""
+    more = [joint for joint in recording.joints if joint not in body.joints and joint not in hold]
+    if arm.joints is None and more:
+        problem = f"has {', '.join(more)}, which {first.name} has not"
+        raise InputError(str(path), problem, "give recordings of the same joints together")
+
+
+def _held_still(path: Path, recording: Recording, hold: Mapping[str, float]) -> None:
+    """Raises InputError where a joint was recorded elsewhere than it is said to be held."""
+    for joint, value in hold.items():
+        if joint not in recording.joints:
+            continue
+        away = float(np.nanmax(np.abs(recording.q[:, recording.joints.index(joint)] - value), initial=0.0))
+        if away > _HELD:
+            problem = f"{joint} is in {path.name}, up to {away:.3g} away from there"
+            raise InputError(f"--hold {joint}={value:g}", problem, "leave it out, or say where it stood")
 
 
 def _once(path: Path, sources: Sequence[Source], learnt: int) -> None:

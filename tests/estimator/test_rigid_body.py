@@ -90,3 +90,10 @@ def test_joints_of_several_degrees_of_freedom_are_refused(dda: RigidBody) -> Non
     floating = dda.urdf.replace('name="joint3" type="revolute"', 'name="joint3" type="floating"')
     with pytest.raises(InputError, match="'joint3' has 6 degrees of freedom"):
         load_rigid_body(floating)
+
+
+def test_moments_without_a_mass_may_have_either_sign(dda: RigidBody) -> None:
+    """Of a model without masses, links that fit best may come out so: possible or not, they are the answer."""
+    parameters = np.zeros(30)
+    parameters[[9, 19, 29]] = [0.1, -0.2, 0.3]
+    np.testing.assert_allclose(dda.with_parameters(parameters).prior(), parameters)

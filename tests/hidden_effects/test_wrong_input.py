@@ -17,7 +17,7 @@ from benchmarks.campaign.scenario import stage
 from benchmarks.campaign.sealing import write_run
 from config.loader import HERE
 from estimator import RigidBody, Trajectory, load_rigid_body
-from estimator.plausibility import Doubt, examine
+from estimator.plausibility import Doubt, contradicting, examine, without_dead_velocities
 from service.cli.entry import run
 
 Array = NDArray[np.float64]
@@ -191,7 +191,73 @@ def test_the_same_kinematics_without_masses_are_allowed(seven: Recorded) -> None
     assert examine(load_rigid_body(bare), seven.trajectories, believed=True) == []
 
 
+@pytest.mark.parametrize(
+    "alter",
+    [scaled("tau", 1e3), scaled("tau", -1.0), scaled("tau", [1.0, -1.0, 1.0]), exchanged("tau", 1, 2)],
+    ids=["mN·m", "signs", "sign", "order"],
+)
+def test_one_recording_that_contradicts_the_others(alter: Alter, dda: Recorded) -> None:
+    """Taken together with them it may drown them, or be drowned."""
+    right = [replace(t, dq=None) for t in dda.trajectories]
+    assert contradicting(dda.body, right, right) == {}
+    assert contradicting(dda.body, right[1:], right[:1]) == {}
+    wrong = [alter(right[0]), *right[1:]]
+    assert 0 in contradicting(dda.body, wrong, wrong)
+    assert list(contradicting(dda.body, right[1:], wrong[:1])) == [0]
+
+
+def test_one_joint_in_another_unit_is_told_with_its_size(dda: Recorded) -> None:
+    doubt = doubted(dda, scaled("tau", [1.0, 5.0, 1.0]))
+    assert (doubt.kind, doubt.joints) == ("torque scale", ("joint2",))
+    assert "joint2 is 5" in doubt.problem
+    doubt = doubted(dda, scaled("tau", [1.0, 10.0, 1.0]))
+    assert (doubt.kind, doubt.joints) == ("torque scale", ("joint2",))
+
+
+def test_an_angle_that_runs_the_other_way_is_not_taken_for_its_torque(dda: Recorded) -> None:
+    turned = scaled("q", [1.0, -1.0, 1.0])
+    doubt = doubted(dda, lambda t: replace(turned(t), dq=None))
+    assert (doubt.kind, doubt.joints) == ("angle sign", ("joint2",))
+
+
+def test_one_angle_in_degrees(seven: Recorded) -> None:
+    one = np.where(np.arange(7) == 1, np.rad2deg(1.0), 1.0)
+    doubt = doubted(seven, scaled("q", one.tolist()))
+    assert (doubt.kind, doubt.joints) == ("angles in degrees", ("joint2",))
+
+
 def test_a_body_that_is_only_like_this_one_is_not_refused(seven: Recorded) -> None:
     """The shipped arm's links lack the rotors that this plant has in them: of some joints more than half."""
     shipped = load_rigid_body(HERE / "arms" / "seven" / "seven.urdf")
     assert examine(shipped, seven.trajectories, believed=True) == []
+
+
+@pytest.mark.parametrize("size", [2.0, 0.4536, 3.0], ids=["2", "lb", "3"])
+def test_torques_that_are_off_alike(size: float, seven: Recorded) -> None:
+    """By one factor at every joint: a unit, of the torques or of the masses, and no load."""
+    doubt = doubted(seven, scaled("tau", size))
+    assert doubt.kind == "torque scale"
+    assert "alike" in doubt.problem
+    assert ("in lb" in doubt.problem) == (size == 0.4536)
+
+
+def test_what_may_be_a_torque_constant_is_a_warning(seven: Recorded) -> None:
+    (doubt,) = examine(seven.body, [scaled("tau", 0.7376)(t) for t in seven.trajectories], believed=True)
+    assert not doubt.wrong
+    assert "lbf·ft" in doubt.problem
+
+
+def test_velocities_of_other_joints(dda: Recorded) -> None:
+    for a, b in ((0, 1), (1, 2)):
+        doubt = doubted(dda, exchanged("dq", a, b))
+        assert (doubt.kind, doubt.joints) == ("velocity order", (f"joint{a + 1}", f"joint{b + 1}"))
+
+
+def test_velocities_that_nobody_measured(dda: Recorded) -> None:
+    """Zeros of a driver that measures none are no sensor's gain."""
+    moving, doubts = without_dead_velocities(dda.body, [scaled("dq", [1.0, 0.0, 1.0])(dda.trajectories[0])])
+    assert moving[0].dq is None
+    assert [(doubt.kind, doubt.joints, doubt.wrong) for doubt in doubts] == [
+        ("dead velocity channel", ("joint2",), False)
+    ]
+    assert without_dead_velocities(dda.body, dda.trajectories) == (list(dda.trajectories), [])
