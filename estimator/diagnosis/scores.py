@@ -59,6 +59,7 @@ class Scores:
         self._exchanged: dict[tuple[int, ...], list[Block]] = {}
         self._sizes: dict[int, int] = {}
         self._penalties = np.array([self.penalty([k]) for k in range(len(design.candidates))])
+        self._widths = np.array([len(candidate.columns) for candidate in design.candidates])
         self._forget()
         self._plain = self.model([])
         self._chance: Chance | None = None
@@ -181,7 +182,8 @@ class Scores:
         gains = self.gains(chosen)
         taken = [int(self.owner[k]) for k in chosen if not self.recurs(k)]
         open_to = np.isfinite(gains) & ~self.is_map[self.owner] & ~np.isin(self.owner, taken)
-        order = np.argsort(self._penalties - gains)
+        # Of laws that are the same here, the one that has no more elsewhere: a rotor, before the first link's inertia.
+        order = np.lexsort((self._widths, np.round(self._penalties - gains, 6)))
         again = {int(self.owner[k]): [c for c in chosen if self.owner[c] == self.owner[k]] for k in chosen}
         best: dict[int, int] = {}
         for k in map(int, order[open_to[order]]):

@@ -37,8 +37,9 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
         trials.append(([*chosen, refused], fitted(evidence, scores, [*chosen, refused])))
     for trial, shaped in trials:
         if shaped.explained >= scores.nats(trial) + WORTH:
-            for k, own in zip(trial, shaped.design.candidates, strict=True):
-                shapes.setdefault(k, own.theta)
+            # What was chosen has the shapes that it has as chosen, and not those beside another law.
+            new = trial if shaped is refined else set(trial) - set(chosen)
+            shapes |= {k: own.theta for k, own in zip(trial, shaped.design.candidates, strict=True) if k in new}
     for k in chosen:
         for other in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
             shapes.setdefault(other, shapes[k])

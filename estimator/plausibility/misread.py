@@ -59,10 +59,19 @@ def misread(model: GivenModel, shot: Snapshot) -> list[Doubt]:
     judged = model.judged(shot)
     if judged is None or model.body.n < 2 or np.nanmax(judged.left) < _WELL:
         return []
-    best = max(_readings(model, shot, judged.left), key=lambda reading: _gain(judged.left, reading.left), default=None)
+    readings = [reading for reading in _readings(model, shot, judged.left) if _better_there(judged.left, reading)]
+    best = max(readings, key=lambda reading: _gain(judged.left, reading.left), default=None)
     if best is None or _gain(judged.left, best.left) < _BETTER or replace(judged, left=best.left).share > _EXPLAINED:
         return []
     return [_doubt(model.body.joints, best, judged.left)]
+
+
+def _better_there(before: Array, reading: _Reading) -> bool:
+    """Whether less is left of the torque that would be read otherwise. Made a thousand times as large it outweighs all
+    others, which are explained the better then, and itself the worse: so a strong spring at a light wrist was kN·m."""
+    if reading.kind not in ("torque scale", "torque sign"):
+        return True
+    return all(reading.left[joint] < before[joint] for joint in reading.joints)
 
 
 def _gain(before: Array, after: Array) -> float:
