@@ -105,6 +105,15 @@ def test_a_spring_beside_a_slow_cogging_may_be_its_form(
         assert [a.effect for a in found["joint_spring"].alternatives] == ["cogging"]
 
 
+def test_two_slow_lines_stay_what_they_are(make_chain: Callable[..., RigidBody], record: Record) -> None:
+    """At the shapes that suit them best, also where a spring in the place of either was sought beside the other."""
+    body = make_chain("rr")
+    found = diagnose(body, record(body, lambda q: np.sin(2.9 * q + 1.0) + np.sin(4.9 * q - 1.0), 0.65, 0)).findings
+    assert {(f.effect, f.status) for f in found} == {("cogging", "named")}
+    orders = sorted(float(f.parameters["order"].value) for f in found)
+    np.testing.assert_allclose(orders, [2.9, 4.9], atol=0.3)
+
+
 def strut(q: Array) -> Array:
     """N·m of a cylinder of constant force between two points, 0.14 m and 0.1 m from the axis, in line at 0.8 rad."""
     x = q - 0.8

@@ -100,6 +100,18 @@ def test_rough_masses_are_identified_and_not_refused(seven: Recorded) -> None:
     assert not doubt.wrong
 
 
+@pytest.mark.parametrize("stiffness", [0.3, 1.0, 4.0])
+def test_a_strong_spring_at_a_light_wrist_is_no_wrong_unit(stiffness: float, seven: Recorded) -> None:
+    """Read as kN·m, that torque outweighs all others, which are explained the better then, and itself the worse."""
+
+    def pulled(trajectory: Trajectory) -> Trajectory:
+        tau = trajectory.tau.copy()
+        tau[:, 6] += stiffness * np.tanh(3.0 * (trajectory.q[:, 6] - float(np.mean(trajectory.q[:, 6]))))
+        return replace(trajectory, tau=tau)
+
+    assert [d for d in examine(seven.body, [pulled(t) for t in seven.trajectories], believed=True) if d.wrong] == []
+
+
 def test_torques_of_one_joint(seven: Recorded) -> None:
     one = np.where(np.arange(7) == 6, 1e3, 1.0)
     doubt = doubted(seven, scaled("tau", one.tolist()))
