@@ -14,6 +14,7 @@ from benchmarks.campaign.sealing import Question
 from estimator.diagnosis.diagnose import diagnose
 from service.answers import finite
 from service.diagnosis.json_answer import as_json
+from service.diagnosis.usable import only_usable
 from service.identification.read import read_recordings
 
 TOPIC = "/joint_states"
@@ -28,7 +29,8 @@ class Finder(Protocol):
 def in_process(question: Question) -> Mapping[str, Any]:
     """What `etude diagnose` does to find its answer, without its start-up, the twin's replay and the page."""
     read = read_recordings(question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent, believed=True)
-    found = diagnose(read.body, read.trajectories, read.hold_out)
+    learning, judging = ([only_usable(read.body, t) for t in some] for some in (read.trajectories, read.hold_out))
+    found = diagnose(read.body, learning, judging)
     answer: Mapping[str, Any] = finite(as_json(found, read.notes))
     return answer
 
