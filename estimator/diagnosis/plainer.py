@@ -11,7 +11,7 @@ import numpy as np
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.refinement import Refined, fitted
-from estimator.diagnosis.rivals import AMBIGUOUS, told_as
+from estimator.diagnosis.rivals import AMBIGUOUS, made_with, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH
@@ -25,16 +25,25 @@ KUKA, which show them, 0.2 and more."""
 
 
 def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
-    """The chosen without those that another one of the same place contains and that, at its best shape, it hardly needs
-    beside itself: they mended the shape that it has on the grid."""
+    """The chosen without those that another one of their place contains, or makes without them, and that, at its best
+    shape, it hardly needs beside itself: they mended the shape that it has on the grid. Beside a dry friction they are
+    no more than a form of it where they explain less than any form is exact to."""
     search = Search(scores)
     for candidate in tuple(chosen):
         others = [k for k in chosen if k != candidate]
-        if any(search.admission.contained(candidate, k) for k in others):
-            fewer = search.ordered(others)
-            shaped = fitted(evidence, scores, fewer)
-            if shaped.explained + WORTH > refined.explained:
-                chosen, refined = fewer, shaped
+        wider = [
+            k for k in others if search.admission.contained(candidate, k) or candidate in made_with(scores, k, chosen)
+        ]
+        if not wider:
+            continue
+        fewer = search.ordered(others)
+        shaped = fitted(evidence, scores, fewer)
+        least = WORTH
+        if all(scores.hypothesis(k).effect.dry for k in wider):
+            elsewhere = [k for k in others if scores.hypothesis(k).place != scores.hypothesis(candidate).place]
+            least = max(least, FORM * (scores.nats(chosen) - scores.nats(elsewhere)))
+        if shaped.explained + least > refined.explained:
+            chosen, refined = fewer, shaped
     return chosen, refined
 
 
@@ -196,14 +205,14 @@ def _support(scores: Scores, chosen: Sequence[int], refined: Refined) -> float:
 
 def _as_named(refined: Refined, number: int) -> float:
     """Standard errors by which that differs from zero without which a cause would be another law, `SIGNIFICANT` where
-    no part alone is that; zero where one of them is not there, or too small a part of the whole."""
+    no part alone is that; zero where it is but a form of what it contains."""
     fitted = refined.design.candidates[number]
     effect = refined.design.hypotheses[fitted.hypothesis].effect
     named = list(effect.named_for)
     if not named:
         return SIGNIFICANT
     value = refined.coefficients(number)
-    if np.any(np.abs(value[named]) < effect.least_part * abs(value[0])):
+    if not effect.differs(fitted.theta, value):
         return 0.0
     errors = np.sqrt(np.diag(refined.covariance_of(number)))[-len(value) :]
     return float(np.min(np.abs(value[named]) / errors[named]))

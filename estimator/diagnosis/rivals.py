@@ -11,11 +11,14 @@ from scipy.stats import chi2
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.typical import against_typical
+from estimator.diagnosis.unexplained import FORM
 
 AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
 _ONE_IN = 0.05
 """Probability that chance alone lets a wider law explain so much more than the one that it contains."""
+_ALIKE = 1e-4
+"""Of what a joint's causes explain: a friction that is other one way by a hundredth is not said to be other."""
 _HARDLY_A_PERIOD = 0.25
 """Of a line's energy, what a straight law of the angle explains of it: 0.3 over one period, 0.1 over two."""
 
@@ -72,16 +75,16 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
     more = scores.nats(instead) - scores.nats(whole)
     freedom = sum(map(scores.size, instead)) - sum(map(scores.size, whole))
     gap += max(scores.support(whole) - scores.support(chosen), 0.0)
-    if not admission.contained(candidate, rival) or _made_with(scores, rival, chosen):
+    if not admission.contained(candidate, rival) or made_with(scores, rival, chosen):
         return min(gap, freedom - more)
     # A law of which the motion shows a part alone may have no more freedom than those it contains.
     chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
     typical = _against_usual(scores, candidate, chosen, candidate, rival)
-    if typical is not None and chance > AMBIGUOUS:
+    bent = _shapes(scores, rival) > _shapes(scores, candidate)
+    if typical is not None and (chance > AMBIGUOUS or _a_form(scores, candidate, chosen, instead, more, bent)):
         return typical
     # Of a wider law that is linear in what it has more, chance is known well.
-    certain = gap > 0.0 and _shapes(scores, rival) <= _shapes(scores, candidate)
-    return chance if certain else min(gap, chance)
+    return chance if gap > 0.0 and not bent else min(gap, chance)
 
 
 def told_as(
@@ -153,14 +156,31 @@ def _shapes(scores: Scores, candidate: int) -> int:
 def _instead(admission: Admission, candidate: int, others: list[int]) -> list[int]:
     """A law, at the shape that suits it best, beside those of the others that it neither contains nor is made with."""
     scores = admission.scores
-    gone = {c for c in others if admission.contained(c, candidate)} | _made_with(scores, candidate, others)
+    gone = {c for c in others if admission.contained(c, candidate)} | made_with(scores, candidate, others)
     left = [c for c in others if c not in gone]
     same = np.flatnonzero(scores.owner == scores.owner[candidate])
     gains = scores.gains(left)
     return [*left, max(map(int, same), key=lambda k: gains[k] - scores.penalty([k]))]
 
 
-def _made_with(scores: Scores, candidate: int, chosen: Sequence[int]) -> set[int]:
+def _a_form(
+    scores: Scores, candidate: int, chosen: Sequence[int], instead: Sequence[int], more: float, bent: bool
+) -> bool:
+    """Whether the nats ``more`` of a wider law, the last of those ``instead`` of the chosen, are no evidence for it:
+    less than any form is exact to, where the law has a form of its own, or one more form of what it contains."""
+    elsewhere = [c for c in chosen if scores.hypothesis(c).place != scores.hypothesis(candidate).place]
+    explained = scores.nats(chosen) - scores.nats(elsewhere)
+    return more < (FORM if bent else _ALIKE) * explained or not _differs(scores, instead)
+
+
+def _differs(scores: Scores, chosen: Sequence[int]) -> bool:
+    """Whether the last of the chosen is more beside the others than a form of what it contains."""
+    model, own = scores.model(chosen), scores.design.candidates[chosen[-1]]
+    coefficients = np.array([float(model.value[model.active == column].sum()) for column in own.columns])
+    return scores.hypothesis(chosen[-1]).effect.differs(own.theta, coefficients)
+
+
+def made_with(scores: Scores, candidate: int, chosen: Sequence[int]) -> set[int]:
     """Those of the chosen that a law in the same place makes much the same torque with, beside what it contains: it is
     no wider than both together."""
     own = scores.hypothesis(candidate)

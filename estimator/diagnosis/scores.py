@@ -138,7 +138,8 @@ class Scores:
         enter = np.zeros(len(own.columns), dtype=bool)
         for channel in own.channels:
             enter |= np.diag(self.total.grams[channel])[self.design.position[channel][own.columns]] > 0.0
-        return min(int(enter.sum()) + len(own.theta), sum(np.size(value) for value in told.values()))
+        size = min(int(enter.sum()) + len(own.theta), sum(np.size(value) for value in told.values()))
+        return size - len(neutral.effect.forms)
 
     def penalty(self, chosen: Sequence[int]) -> float:
         """Nats that a model's freedom costs (Bayesian information criterion)."""

@@ -41,8 +41,8 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
             new = trial if shaped is refined else set(trial) - set(chosen)
             shapes |= {k: own.theta for k, own in zip(trial, shaped.design.candidates, strict=True) if k in new}
     for k in chosen:
-        for other in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
-            shapes.setdefault(other, shapes[k])
+        for other, theta in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
+            shapes.setdefault(other, theta)
     if not shapes:
         return None
     candidates = list(evidence.design.candidates)
@@ -52,20 +52,23 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
     return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(shapes))))
 
 
-def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[int]:
+def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[tuple[int, Array]]:
     """Of each law that contains a candidate's, or is contained, and is shaped by the same, as by the sharpness of a
-    sign, the nearest candidate: it is to be compared with the other, and not with its sharpness."""
+    sign, the nearest candidates, shaped so: they are to be compared with the other, and not with its sharpness."""
     own = design.hypotheses[design.candidates[candidate].hypothesis]
+    shape = theta[list(own.effect.hidden)]
     for number, other in enumerate(design.hypotheses):
         within = own.effect.name in other.effect.contains or other.effect.name in own.effect.contains
-        if other.place != own.place or not within:
+        hidden = list(other.effect.hidden)
+        if other.place != own.place or not within or not hidden or len(hidden) != len(shape):
             continue
-        if not own.effect.hidden or other.effect.hidden != own.effect.hidden:
-            continue
-        forms = [k for k, form in enumerate(design.candidates) if form.hypothesis == number]
-        forms = [k for k in forms if len(design.candidates[k].theta) == len(theta)]
-        if forms:
-            yield min(forms, key=lambda k: float(np.linalg.norm(design.candidates[k].theta - theta)))
+        forms = {k: form.theta for k, form in enumerate(design.candidates) if form.hypothesis == number}
+        away = {k: float(np.linalg.norm(form[hidden] - shape)) for k, form in forms.items()}
+        for k, form in forms.items():
+            if away[k] == min(away.values()):
+                shaped = form.copy()
+                shaped[hidden] = shape
+                yield k, shaped
 
 
 def _blocks(evidence: Evidence, design: Design, changed: Sequence[int]) -> list[Block | Sheet]:

@@ -80,6 +80,8 @@ class Law(ABC):
     fitted effect keeps them beside its parameters as its shape."""
     choices: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are one of the grid's values and nothing between."""
+    forms: ClassVar[tuple[int, ...]] = ()
+    """Which entries of theta are told, and yet no freedom that could stand for another cause: an exponent."""
     known_up_to: ClassVar[tuple[float, ...]] = ()
     """Of each entry of theta, the largest that a thing of this name has; its grid goes farther, so that what only looks
     like one is seen not to be. Empty: what the grid holds."""
@@ -90,8 +92,6 @@ class Law(ABC):
     that, it stands for a form that the plainer law has not, and is told as that law. Zero: never."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
-    least_part: ClassVar[float] = 0.0
-    """Of its first coefficient, what those must be: with less it is a form of what it contains."""
     told_by_repeats: ClassVar[bool] = False
     """Whether only a motion that is played again tells it from what it contains."""
     looks_like: ClassVar[tuple[str, ...]] = ()
@@ -103,6 +103,10 @@ class Law(ABC):
     def known(self, theta: Array) -> bool:
         """Whether there are things of its name with these."""
         return bool(np.all(theta[: len(self.known_up_to)] <= np.array(self.known_up_to)))
+
+    def differs(self, theta: Array, coefficients: Array) -> bool:
+        """Whether it is more with these than a form of what it contains."""
+        return True
 
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its

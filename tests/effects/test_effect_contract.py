@@ -20,7 +20,7 @@ PARAMETERS_OF = {
     "viscous_friction": {"coefficient"},
     "coulomb_friction": {"level"},
     "asymmetric_friction": {"level_positive", "level_negative", "coefficient_positive", "coefficient_negative"},
-    "stribeck_friction": {"level", "breakaway", "velocity", "coefficient"},
+    "stribeck_friction": {"level", "breakaway", "velocity", "coefficient", "exponent"},
     "load_dependent_friction": {"coefficient"},
     "presliding": {"stiffness", "level"},
     "friction_drift": {"initial", "final", "time_constant"},

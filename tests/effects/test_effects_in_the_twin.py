@@ -47,7 +47,11 @@ CASES = [
     Case("viscous_friction", JOINT, {"coefficient": 5.0}),
     Case("coulomb_friction", JOINT, {"level": 5.0}),
     Case("asymmetric_friction", JOINT, ASYMMETRIC),
-    Case("stribeck_friction", JOINT, {"level": 3.0, "breakaway": 6.0, "velocity": 0.2, "coefficient": 1.0}),
+    Case(
+        "stribeck_friction",
+        JOINT,
+        {"level": 3.0, "breakaway": 6.0, "velocity": 0.2, "coefficient": 1.0, "exponent": 1.3},
+    ),
     Case("load_dependent_friction", JOINT, {"coefficient": 0.1}),
     Case("presliding", JOINT, {"stiffness": 500.0, "level": 5.0}),
     Case("friction_drift", JOINT, {"initial": 8.0, "final": 3.0, "time_constant": 0.5}),

@@ -260,7 +260,7 @@ def no_misfits(*_: object) -> dict[int, Misfit]:
     return defaultdict(lambda: Misfit(0, 0.0, 1.0))
 
 
-@pytest.mark.parametrize(("level", "flagged"), [(2.0, False), (0.3, True)])
+@pytest.mark.parametrize(("level", "flagged"), [(4.0, False), (0.3, True)])
 def test_a_law_is_exact_to_a_tenth_of_its_torque(
     record: Callable[[Friction], tuple[RigidBody, list[Trajectory]]], level: float, flagged: bool
 ) -> None:

@@ -98,7 +98,7 @@ def test_a_cause_differs_from_nothing_by_all_its_coefficients(correlation: float
 def test_a_part_of_a_few_per_cent_is_a_form_of_the_rest(rise: float, expected: float) -> None:
     """Stribeck friction of level 1, that rises by so much at rest, to a hundredth."""
     design = SimpleNamespace(
-        candidates=[SimpleNamespace(hypothesis=0)],
+        candidates=[SimpleNamespace(hypothesis=0, theta=np.array([0.01, 2.0, 0.001]))],
         hypotheses=[SimpleNamespace(effect=catalogue()["stribeck_friction"])],
     )
     refined: Any = SimpleNamespace(
