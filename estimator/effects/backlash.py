@@ -53,9 +53,9 @@ class Backlash(JointEffect):
         pressing, flying = transmission.torque, transmission.link_inertia
         if transmission.link_side:
             # A link in flight shows no torque, only the blow at its end; what the motor was given says how it flew.
-            flying = transmission.motor_inertia
+            flying = np.full(signals.samples, transmission.motor_inertia)
             pressing = signals.torque[:, joint] - flying * signals.ddq[:, joint]
-        if flying <= 0.0:
+        if np.min(flying) <= 0.0:
             # A model without bodies says nothing of how a gap is crossed.
             return np.zeros((signals.samples, signals.body.n, 1))
         ahead = play(pressing / flying, signals.period, gap)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
-from estimator.effects.second_order import second_order_lag
+from estimator.effects.second_order import second_order_lag, swing
 from estimator.effects.signals import Scales, Signals
 from estimator.effects.transmission import ON_LINK, ON_MOTOR, SHARES, Transmission
 from estimator.rigid_body import RigidBody
@@ -28,10 +28,12 @@ IN_THE_LINK = (0.3, 0.6)
 class JointElasticity(JointEffect):
     """Motor, spring and damper, link. The encoder sits on either of them; ``side`` says on which.
 
-    τ is what the link's bodies need, J the part of the joint's own inertia M that is the motor's, ``share`` of M (M its
-    mean along the motion), and δ the angle by which the motor is ahead of the link. To first order in 1/k:
+    τ is what the link's bodies need, M, C and G its derivatives by the joint's own acceleration, speed and angle, J the
+    part of M that is the motor's, ``share`` of M's mean along the motion, and δ the angle by which the motor is ahead
+    of the link. To first order in 1/k:
 
-        encoder on the motor:  (M − J)·δ'' + d·δ' + k·δ = τ(motor's motion); the link's torques are those at q − δ
+        encoder on the motor:  (M − J)·δ'' + (d + C)·δ' + (k + G)·δ = τ(motor's motion); the link's torques are those at
+                               q − δ
         encoder on the link:   d·δ' + k·δ = τ(link's motion); the motor spends J·δ'' more
 
     theta is ln k, the relaxation time d/k (they place resonance and damping), ``share``, ``side``. The coefficient is a
@@ -71,8 +73,14 @@ class JointElasticity(JointEffect):
         joint = self.joint(place)
         stiffness, relaxation, share, side = math.exp(theta[0]), *map(float, theta[1:])
         transmission = Transmission.of(signals, joint, share, side)
-        square = 0.0 if transmission.link_side else transmission.link_inertia / stiffness
-        give = second_order_lag(transmission.torque, signals.period, relaxation, square) / stiffness
+        if transmission.link_side or np.min(transmission.link_inertia) <= 0.0:
+            give = second_order_lag(transmission.torque, signals.period, relaxation, 0.0) / stiffness
+        else:
+            by_q, by_dq, _ = signals.sensitivity
+            # A pose that falls over may take half of a spring, and no more.
+            restoring = stiffness + np.maximum(by_q[:, joint, joint], -0.5 * stiffness)
+            damping = relaxation * stiffness + by_dq[:, joint, joint]
+            give = swing(transmission.torque, signals.period, transmission.link_inertia, damping, restoring)
         return transmission.torque_of(signals, joint, give)[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:

@@ -22,8 +22,9 @@ class Transmission:
     """One joint's, along one motion."""
 
     motor_inertia: float
-    link_inertia: float
-    """kg·m², means along the motion."""
+    """kg·m²"""
+    link_inertia: Array
+    """(samples,) kg·m²"""
     torque: Array
     """(samples,) N·m that the link needs through the transmission, for the measured motion."""
     link_side: bool
@@ -31,11 +32,12 @@ class Transmission:
 
     @classmethod
     def of(cls, signals: Signals, joint: int, share: float, side: float) -> Transmission:
-        """``share`` of the joint's own inertia in the model is the motor's."""
+        """``share`` of the joint's own inertia in the model, of its mean along the motion, is the motor's."""
         # A body that was fitted (`estimator.diagnosis.first_body`) may have a negative one: nothing swings on that.
-        own = max(float(np.mean(signals.sensitivity[2][:, joint, joint])), 0.0)
-        torque = signals.tau_rigid[:, joint] - share * own * signals.ddq[:, joint]
-        return cls(share * own, (1.0 - share) * own, torque, side == ON_LINK)
+        inertia = signals.sensitivity[2][:, joint, joint]
+        motor = share * max(float(np.mean(inertia)), 0.0)
+        torque = signals.tau_rigid[:, joint] - motor * signals.ddq[:, joint]
+        return cls(motor, np.maximum(inertia - motor, 0.0), torque, side == ON_LINK)
 
     def torque_of(self, signals: Signals, joint: int, ahead: Array) -> Array:
         """(samples, n) torque beside the rigid model's when the motor is ``ahead`` (samples,) rad of the link."""
