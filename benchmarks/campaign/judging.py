@@ -124,18 +124,18 @@ def _outcome(cause: TrueCause, named: Sequence[Named], sets: Sequence[frozenset[
 
 
 def _parameter_errors(cause: TrueCause, findings: Sequence[Mapping[str, Any]]) -> list[ParameterError]:
-    errors = []
-    for finding in findings:
-        # Of several right answers only the effect that the parameters belong to can be compared.
-        if finding["status"] != "named" or _named(finding) not in cause.answers:
-            continue
-        if finding["effect"] != cause.label.partition(":")[0]:
-            continue
-        for name, truth in cause.parameters.items():
-            estimate = finding["parameters"].get(name)
-            if estimate is not None and estimate["standard_error"] is not None:
-                errors.append(ParameterError(name, estimate["value"] - truth, estimate["standard_error"], truth))
-    return errors
+    # Of several right answers only the effect that the parameters belong to can be compared.
+    effect = cause.label.partition(":")[0]
+    right = [f for f in findings if f["status"] == "named" and f["effect"] == effect and _named(f) in cause.answers]
+    if not right:
+        return []
+    # Of several lines of a spectrum, the one that stands out: others are its form.
+    told = max(right, key=lambda finding: float(finding["log_likelihood_gain"]))["parameters"]
+    return [
+        ParameterError(name, told[name]["value"] - truth, told[name]["standard_error"], truth)
+        for name, truth in cause.parameters.items()
+        if name in told and told[name]["standard_error"] is not None
+    ]
 
 
 def _gain(answer: Mapping[str, Any]) -> float | None:

@@ -29,12 +29,14 @@ def finding(
     joint: str | None,
     status: str = "named",
     others: tuple[tuple[str, str | None], ...] = (),
+    nats: float = 10.0,
     **parameters: tuple[float, float],
 ) -> dict[str, Any]:
     return {
         "effect": effect,
         "joint": joint,
         "status": status,
+        "log_likelihood_gain": nats,
         "parameters": {
             name: {"value": value, "standard_error": error, "unit": "N·m"}
             for name, (value, error) in parameters.items()
@@ -195,6 +197,15 @@ def test_intervals_of_parameters_are_checked_against_the_truth() -> None:
     near = judge(true(COULOMB), answer("named", finding("coulomb_friction", "joint2", level=(1.6, 0.1))), 0.5)
     far = judge(true(COULOMB), answer("named", finding("coulomb_friction", "joint2", level=(1.8, 0.1))), 0.5)
     assert figure([near, far], "parameters within").value == 0.5
+
+
+def test_of_several_lines_the_strongest_is_compared() -> None:
+    ripple = TrueCause("torque_ripple", frozenset({("torque_ripple", "joint2")}), frozenset(), 1.0, 1.0, {"order": 5.0})
+    strong = finding("torque_ripple", "joint2", nats=900.0, order=(5.01, 0.01))
+    (error,) = judge(
+        true(ripple), answer("named", finding("torque_ripple", "joint2", order=(10.0, 0.1)), strong), 1.0
+    ).parameters
+    assert error.error == pytest.approx(0.01)
 
 
 def test_a_figure_without_cases_reaches_nothing_and_misses_nothing() -> None:
