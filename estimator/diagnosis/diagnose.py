@@ -140,12 +140,12 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
     if len(off) > 1:
         notes.append(
             f"the links of {', '.join(given.joints[k] for k in off)} are all off by more than the tolerance of "
-            f"{100.0 * tolerance:.2g} %: make sure that the model is this arm's, and its links known so well"
+            f"{100.0 * tolerance:.3g} %: make sure that the model is this arm's, and its links known so well"
         )
     if judged.borne_out is not None:
         notes.append(
-            f"the links fit these recordings to {100.0 * judged.borne_out:.2g} %, where the tolerance is "
-            f"{100.0 * tolerance:.2g} %: causes are judged by links that are as exact as that"
+            f"the links fit these recordings to {100.0 * judged.borne_out:.3g} %, where the tolerance is "
+            f"{100.0 * tolerance:.3g} %: causes are judged by links that are as exact as that"
         )
     late = any(finding.effect == "transport_delay" for finding in judged.findings)
     if judged.punctual and late:

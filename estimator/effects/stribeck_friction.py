@@ -47,7 +47,7 @@ class StribeckFriction(JointEffect):
         "breakaway": "N·m",
         "velocity": "rad/s",
         "coefficient": "N·m·s/rad",
-        "exponent": "1",
+        "exponent": "–",
     }
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")

@@ -212,5 +212,5 @@ def _unusable(trajectory: Trajectory, name: str, joint: int, silent: bool, share
         value = trajectory.tau[0, joint]
         problem = f"{place} says {value:.4g} throughout: its equations are left out"
         return Doubt("dead torque channel", (name,), problem, "check the sensor", share, False)
-    problem = f"{place} is cut off at the end of its range in {100.0 * share:.2g} % of the samples: they are left out"
+    problem = f"{place} is cut off at the end of its range in {100.0 * share:.3g} % of the samples: they are left out"
     return Doubt("torque cut off", (name,), problem, "choose a larger range, or a gentler motion", share, False)

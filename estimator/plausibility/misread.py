@@ -148,7 +148,7 @@ def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:
     # Of its own joint, where it is one joint's unit; the others only go with it.
     worst = reading.joints[0] if reading.kind == "torque scale" else int(np.nanargmin(ratio))
     before, after = 100.0 * as_it_is[worst], 100.0 * reading.left[worst]
-    gain = f"{before:.2g} % of the torque of {names[worst]} contradicts the model, {after:.2g} % if"
+    gain = f"{before:.3g} % of the torque of {names[worst]} contradicts the model, {after:.3g} % if"
     if reading.kind in ORDERS:
         what = CHANNELS[reading.kind]
         order = ", ".join(f"{names[k]} as {names[j]}" for j, k in enumerate(reading.order) if j != k)

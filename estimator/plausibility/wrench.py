@@ -36,7 +36,7 @@ def readable_wrench(name: str, wrench_t: Array, wrench: Array) -> tuple[Array, l
         usable[flat.any(axis=1)] = np.nan
         told.append(
             f"{name}: {_listed(np.any(flat, axis=0))} stands at the end of its range in "
-            f"{100.0 * np.mean(flat.any(axis=1)):.2g} % of the samples, which are left out"
+            f"{100.0 * np.mean(flat.any(axis=1)):.3g} % of the samples, which are left out"
         )
     missing = int(np.count_nonzero(~np.isfinite(wrench[:, there]).all(axis=1)))
     steps = np.diff(wrench_t)

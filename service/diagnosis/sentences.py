@@ -104,7 +104,7 @@ def quantity_text(quantity: Quantity) -> str:
     values, errors = np.atleast_1d(quantity.value), np.atleast_1d(quantity.standard_error)
     texts = [_with_error(float(v), float(e)) for v, e in zip(values, errors, strict=True)]
     text = texts[0] if len(texts) == 1 else "(" + ", ".join(texts) + ")"
-    return f"{text} {quantity.unit}".rstrip()
+    return text if quantity.unit == "–" else f"{text} {quantity.unit}".rstrip()
 
 
 def _with_error(value: float, error: float) -> str:
