@@ -22,7 +22,7 @@ from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
-from estimator.diagnosis.slow_forms import of_one_form
+from estimator.diagnosis.slow_forms import beside_two_lines, of_one_form
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
 _NOTHING = 3.0
@@ -80,12 +80,13 @@ def judge(evidence: Evidence) -> Judged:
         stood, refined = _standing(found)
     scores = found.scores
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
-    seen, named = without_menders(found.evidence, scores, stood, refined)
+    told, named = without_menders(found.evidence, scores, stood, refined)
+    seen = list(beside_two_lines(found.evidence, scores, told, named))
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     if found.widest is not scores:
         found.widest.reweigh(stood)
     known = [_known(named, number) for number in range(len(seen))]
-    told = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
+    findings = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
     return Judged(
         found.evidence,
         scores,
@@ -94,8 +95,8 @@ def judge(evidence: Evidence) -> Judged:
         found.timings < 1.0,
         tuple(stood),
         refined,
-        findings=tuple(compress(told, known)),
-        nameless=tuple(one for one, is_known in zip(told, known, strict=True) if not is_known),
+        findings=tuple(compress(findings, known)),
+        nameless=tuple(one for one, is_known in zip(findings, known, strict=True) if not is_known),
         named=named.only([number for number, is_known in enumerate(known) if is_known]),
         instead=tuple(_instead(scores, stood, seen)),
     )

@@ -40,8 +40,7 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
         shaped = fitted(evidence, scores, fewer)
         least = WORTH
         if all(scores.hypothesis(k).effect.dry for k in wider):
-            elsewhere = [k for k in others if scores.hypothesis(k).place != scores.hypothesis(candidate).place]
-            least = max(least, FORM * (scores.nats(chosen) - scores.nats(elsewhere)))
+            least = max(least, FORM * _explained_at(scores, chosen, candidate))
         if shaped.explained + least > refined.explained:
             chosen, refined = fewer, shaped
     return chosen, refined
@@ -50,16 +49,19 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
 def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
     """The chosen with special cases in the place of a law that is, at its best shape, without what it is named for, or
     named for no part of its own: where they are as good at theirs, which a grid may not hold, and where the law is
-    nothing but them."""
+    nothing but them. Of a law that bends to a form of its own they are as good but for what it leaves itself: it comes
+    no nearer to the true one than they do."""
     search = Search(scores)
     for candidate in tuple(chosen):
         own = _as_named(refined, chosen.index(candidate)) if candidate in chosen else np.inf
-        special = search.special(candidate, chosen) if own <= SIGNIFICANT else []
+        bends = bool(scores.hypothesis(candidate).effect.forms) and np.isfinite(own)
+        special = search.special(candidate, chosen) if own <= SIGNIFICANT or bends else []
         if not special:
             continue
         trial = search.ordered(search.pruned(special))
         shaped = fitted(evidence, scores, trial)
-        if own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined):
+        inexact = _inexact(scores, chosen, candidate) if bends else 0.0
+        if own == 0.0 or _support(scores, trial, shaped) > _support(scores, chosen, refined) - inexact:
             chosen, refined = trial, shaped
     return chosen, refined
 
@@ -80,9 +82,7 @@ def not_taken_back(
         plain = [] if search.admission.contained(other, wide) else search.special(wide, alone)
         if not plain or other in plain or max(map(scores.support, (alone, [*plain, other]))) > scores.support(plain):
             continue
-        elsewhere = [k for k in chosen if scores.hypothesis(k).place != place]
-        whole = scores.nats(chosen)
-        if whole - scores.nats(plain) < FORM * (whole - scores.nats(elsewhere)):
+        if scores.nats(chosen) - scores.nats(plain) < FORM * _explained_at(scores, chosen, wide):
             chosen = search.ordered(plain)
             refined = fitted(evidence, scores, chosen)
     return chosen, refined
@@ -192,6 +192,19 @@ def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
     """Whether a law of the mender's place is, or contains, one that the mender contains."""
     own, other = (search.scores.hypothesis(k) for k in (candidate, mender))
     return own.place == other.place and bool({own.effect.name, *own.effect.contains} & set(other.effect.contains))
+
+
+def _explained_at(scores: Scores, chosen: Sequence[int], candidate: int) -> float:
+    """nats that all of the chosen of a candidate's place explain together."""
+    place = scores.hypothesis(candidate).place
+    return scores.nats(chosen) - scores.nats([k for k in chosen if scores.hypothesis(k).place != place])
+
+
+def _inexact(scores: Scores, chosen: list[int], candidate: int) -> float:
+    """nats that the chosen leave to see where a candidate acts, up to what any form is exact to."""
+    channels = list(scores.design.candidates[candidate].channels)
+    left = left_to_see(scores, chosen)[channels] * scores.weights[channels]
+    return min(0.5 * scores.total.rows * float(left.sum()), FORM * _explained_at(scores, chosen, candidate))
 
 
 def _stands_before(scores: Scores, before: Sequence[int], candidate: int) -> bool:

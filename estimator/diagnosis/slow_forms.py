@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.refinement import Refined, fitted
+from estimator.diagnosis.rivals import Alternative
 from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.search import Cause
 from estimator.diagnosis.unexplained import FORM
 from estimator.effects import Place
 
 _PERIODS = 6.0
 """Over a joint's range; a faster line is the form of no spring."""
+_STARTS = 2
+"""Pairs of lines on the grid, from which two lines are sought at their best shapes."""
 
 
 def of_one_form(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
@@ -57,6 +63,40 @@ def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterat
         shaped = [(trial, fitted(evidence, scores, trial)) for trial in trials]
         if shaped:
             yield max(shaped, key=lambda one: _worth(scores, *one))
+
+
+def beside_two_lines(
+    evidence: Evidence, scores: Scores, causes: Sequence[Cause], refined: Refined
+) -> Iterator[Cause]:
+    """The causes, ``refined`` together. One that a slow line looks like, beside such a line of its joint, has a second
+    line as an alternative, as far behind as two are, both at their best shapes: one line in the place of two that have
+    hardly a period each takes a shape between theirs, and leaves an offset."""
+    chosen = [cause.candidate for cause in causes]
+    for cause in causes:
+        own = scores.hypothesis(cause.candidate)
+        like = [k for k in chosen if scores.recurs(k) and own.effect.name in scores.hypothesis(k).effect.looks_like]
+        lines = [k for k in like if scores.hypothesis(k).place == own.place and _slow(evidence, scores, k, chosen)]
+        if len(lines) == 1:
+            others = [k for k in chosen if k not in (*lines, cause.candidate)]
+            second, worth = _two_lines(evidence, scores, lines[0], others)
+            behind = max(_worth(scores, chosen, refined) - worth, 0.0)
+            same = [a for a in cause.alternatives if scores.owner[a.candidate] == scores.owner[second]]
+            if behind < min((a.gap for a in same), default=np.inf):
+                near = [*(a for a in cause.alternatives if a not in same), Alternative(second, behind)]
+                cause = replace(cause, alternatives=tuple(sorted(near, key=lambda one: one.gap)))
+        yield cause
+
+
+def _two_lines(evidence: Evidence, scores: Scores, line: int, others: list[int]) -> tuple[int, float]:
+    """The better second of two slow lines of a ``line``'s law beside the others, and what all of them are worth."""
+    same = [k for k in map(int, np.flatnonzero(scores.owner == scores.owner[line])) if _slow(evidence, scores, k, [])]
+    pairs = sorted(combinations(same, 2), key=lambda pair: scores.nats([*others, *pair]))[-_STARTS:]
+    trials = [[*others, *pair] for pair in pairs]
+    worth = [_worth(scores, trial, fitted(evidence, scores, trial)) for trial in trials]
+    if not worth:
+        return line, -np.inf
+    best = int(np.argmax(worth))
+    return next(k for k in pairs[best] if k != line), worth[best]
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:

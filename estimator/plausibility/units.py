@@ -43,13 +43,16 @@ _MOST = 0.5
 """Share of the model torques' energy that the compared joints must have."""
 _DOUBTFUL, _IMPOSSIBLE = 5.0, 20.0
 """Times that masses in a URDF are off. Rough CAD is off by two, amperes and millinewtons by far more."""
-_ALL_ALIKE = 0.06
-"""Share by which joints' ratios differ that are all off by one unit: right recordings of arms differ so much."""
+_ALL_ALIKE = 0.1
+"""Share by which joints' ratios differ that are all off by one unit: right recordings of arms whose links are known to
+5 % differ so much."""
 _NOTICED, _NO_LOAD, _NO_LOAD_OF_TWO = 1.2, 1.8, 2.5
 """Times off: to be said; and to be wrong, on three joints and more, or on two. A gripper that the URDF lacks makes the
 torques of two joints 1.55 times as large (the Kinova of ../shared/data)."""
-_NEAR = 0.02
-_KNOWN = {0.7376: "in lbf·ft", 1.0 / 2.2046: "of masses in lb", 2.2046: "of masses in lb", 2.0**0.5: "by peak currents"}
+_NEAR = 0.05
+_POUNDS = 0.7376
+"""lbf·ft a N·m: so much smaller no load makes the torques of three joints."""
+_KNOWN = {_POUNDS: "in lbf·ft", 1.0 / 2.2046: "of masses in lb", 2.2046: "of masses in lb", 2.0**0.5: "by peak currents"}
 """By the size of the torques over those of the URDF what either may be told in."""
 _TOO_FAST = 5.0
 """Times a URDF's velocity limit."""
@@ -188,7 +191,7 @@ def torques_alike(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     sizes = np.array(list(scale.values()))
     if len(sizes) < 2:
         return []
-    size = float(np.median(sizes))
+    size = float(np.exp(np.mean(np.log(sizes))))
     off = max(size, 1.0 / max(size, 1e-12))
     # Two joints a load may make alike, and larger; none makes torques smaller.
     least, most = (_NO_LOAD, _NO_LOAD_OF_TWO) if len(sizes) == 2 and size > 1.0 else (_NOTICED, _NO_LOAD)
@@ -198,7 +201,8 @@ def torques_alike(body: RigidBody, shot: Snapshot) -> list[Doubt]:
     known = next((f": {what}, perhaps" for ratio, what in _KNOWN.items() if abs(size / ratio - 1.0) < _NEAR), "")
     problem = f"the torques of {', '.join(joints)} are alike {times(size)} times those of the URDF's masses{known}"
     remedy = "check the unit of both: N·m at the joint, and kg"
-    return [Doubt("torque scale", joints, problem, remedy, size, off > most)]
+    pounds = len(sizes) > 2 and abs(size / _POUNDS - 1.0) < _NEAR
+    return [Doubt("torque scale", joints, problem, remedy, size, off > most or pounds)]
 
 
 def sizes_of_torques(body: RigidBody, shot: Snapshot) -> dict[int, float]:

@@ -244,19 +244,21 @@ def test_a_body_that_is_only_like_this_one_is_not_refused(seven: Recorded) -> No
     assert examine(shipped, seven.trajectories, believed=True) == []
 
 
-@pytest.mark.parametrize("size", [2.0, 0.4536, 3.0], ids=["2", "lb", "3"])
+@pytest.mark.parametrize("size", [2.0, 0.4536, 3.0, 0.7376], ids=["2", "lb", "3", "lbf·ft"])
 def test_torques_that_are_off_alike(size: float, seven: Recorded) -> None:
     """By one factor at every joint: a unit, of the torques or of the masses, and no load."""
     doubt = doubted(seven, scaled("tau", size))
     assert doubt.kind == "torque scale"
     assert "alike" in doubt.problem
-    assert ("in lb" in doubt.problem) == (size == 0.4536)
+    assert ("masses in lb" in doubt.problem) == (size == 0.4536)
+    assert ("in lbf·ft" in doubt.problem) == (size == 0.7376)
 
 
 def test_what_may_be_a_torque_constant_is_a_warning(seven: Recorded) -> None:
-    (doubt,) = examine(seven.body, [scaled("tau", 0.7376)(t) for t in seven.trajectories], believed=True)
+    (doubt,) = examine(seven.body, [scaled("tau", 0.83)(t) for t in seven.trajectories], believed=True)
     assert not doubt.wrong
-    assert "lbf·ft" in doubt.problem
+    assert "alike" in doubt.problem
+    assert "lbf·ft" not in doubt.problem
 
 
 def test_velocities_of_other_joints(dda: Recorded) -> None:
