@@ -172,6 +172,24 @@ def coupling(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
     )
 
 
+def shared_rotor(arm: TrueArm, joint: str, rng: Generator) -> Cause | None:
+    """A motor behind a wrist that two joints turn."""
+    k = arm.joints.index(joint)
+    if k + 1 == len(arm.joints):
+        return None
+    other, ratio = arm.joints[k + 1], float(rng.choice([-1.0, -0.6, 0.6, 1.0]))
+    rotor = {"joint": joint, "joint_other": other, "ratio": ratio}
+    unit = 0.1 * limit_nm(arm, other) / top_speed(arm, other)
+    return Cause(
+        "transmission_coupling:rotor",
+        named("transmission_coupling", joint, other),
+        lambda a: {"shared_transmission": [{**rotor, "inertia_kg_m2": a}]},
+        unit,
+        100 * unit,
+        lambda a: {"inertia": a, "ratio": ratio},
+    )
+
+
 def _rotor_of(arm: TrueArm, joint: str) -> float | None:
     """The share of the link's moment about its axis that an elastic joint has on the motor's side, kg·m².
 
@@ -194,4 +212,5 @@ TRANSMISSION: dict[str, Draw] = {
     "cogging:pulleys": pulleys,
     "torque_ripple": ripple,
     "transmission_coupling": coupling,
+    "transmission_coupling:rotor": shared_rotor,
 }

@@ -1,4 +1,4 @@
-"""Transmission coupling: two joints share a transmission, and friction acts on a combination of their speeds."""
+"""Transmission coupling: two joints share a transmission, and what rubs or turns there follows both of them."""
 
 from __future__ import annotations
 
@@ -22,14 +22,21 @@ APART = 2
 
 
 class TransmissionCoupling(Effect):
-    """With w = dq + ratio·dq_other the combination spends b·w + c·sign(w); the joint feels it once, the other
-    ``ratio`` times. ``coefficient`` is b, ``level`` c. theta is the ratio and the sign's width."""
+    """With w = dq + ratio·dq_other the combination spends b·w + c·sign(w) + J·dw/dt; the joint feels it once, the other
+    ``ratio`` times. ``coefficient`` is b, ``level`` c, ``inertia`` J: of a wrist whose motors sit behind it, a rotor
+    that two joints turn. theta is the ratio and the sign's width."""
 
     name = "transmission_coupling"
     dry = True
-    units: ClassVar = {"joint_other": "–", "ratio": "–", "coefficient": "N·m·s/rad", "level": "N·m"}
+    units: ClassVar = {
+        "joint_other": "–",
+        "ratio": "–",
+        "coefficient": "N·m·s/rad",
+        "level": "N·m",
+        "inertia": "kg·m²",
+    }
     hidden = (1,)
-    confused_with = ("coulomb_friction", "viscous_friction")
+    confused_with = ("coulomb_friction", "viscous_friction", "rotor_inertia", "link_inertia")
     seen_against = "dq"
     experiment = "move {joint} alone, the joint it shares a transmission with alone, then both together"
 
@@ -47,23 +54,26 @@ class TransmissionCoupling(Effect):
         joint, other = pair(place)
         ratio, width = map(float, theta)
         speed = signals.dq[:, joint] + ratio * signals.dq[:, other]
-        spent = np.stack([speed, averaged_sign(speed, width)], axis=1)
+        turned = signals.ddq[:, joint] + ratio * signals.ddq[:, other]
+        spent = np.stack([speed, averaged_sign(speed, width), turned], axis=1)
         return np.stack([spent, ratio * spent], axis=1)
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
-        return np.zeros(2), np.full(2, np.inf)
+        return np.zeros(3), np.full(3, np.inf)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        viscous, level = map(float, coefficients)
-        return {"joint_other": pair(place)[1], "ratio": float(theta[0]), "coefficient": viscous, "level": level}
+        spent = dict(zip(("coefficient", "level", "inertia"), map(float, coefficients), strict=True))
+        return {"joint_other": pair(place)[1], "ratio": float(theta[0]), **spent}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         ratio, viscous, level = (float(parameters[name]) for name in ("ratio", "coefficient", "level"))
-        return np.array([ratio, SHARP]), np.array([viscous, level])
+        # Models that were written before the law had an inertia have none.
+        inertia = float(parameters.get("inertia", 0.0))
+        return np.array([ratio, SHARP]), np.array([viscous, level, inertia])
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        (ratio, _), (viscous, level) = self.unknowns(place, parameters)
-        plant.couplings.append(Coupling(*pair(place), float(ratio), float(viscous), float(level)))
+        (ratio, _), spent = self.unknowns(place, parameters)
+        plant.couplings.append(Coupling(*pair(place), float(ratio), *map(float, spent)))
 
 
 def pair(place: Place) -> tuple[int, int]:

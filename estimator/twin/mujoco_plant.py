@@ -205,7 +205,7 @@ def _add_motor(spec: Any, draft: PlantDraft, k: int) -> None:
 def _add_couplings(spec: Any, draft: PlantDraft) -> None:
     for coupling in draft.couplings:
         joint, other = (draft.body.joints[k] for k in (coupling.joint, coupling.other))
-        tendon = spec.add_tendon(name=f"{joint} with {other}", frictionloss=coupling.level)
+        tendon = spec.add_tendon(name=f"{joint} with {other}", frictionloss=coupling.level, armature=coupling.inertia)
         _set_linear(tendon, "damping", coupling.viscous)
         tendon.wrap_joint(joint, 1.0)
         tendon.wrap_joint(other, coupling.ratio)

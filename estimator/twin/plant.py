@@ -56,13 +56,14 @@ class Series:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Friction on the speed dq + ratio·dq_other: viscous N·m·s/rad and a level N·m."""
+    """What acts on the speed dq + ratio·dq_other: viscous N·m·s/rad, a level N·m, an inertia kg·m²."""
 
     joint: int
     other: int
     ratio: float
     viscous: float
     level: float
+    inertia: float
 
 
 @dataclass(frozen=True)

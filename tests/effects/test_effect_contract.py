@@ -33,7 +33,7 @@ PARAMETERS_OF = {
     "torque_constant_error": {"gain"},
     "torque_nonlinearity": {"limit", "dead_zone"},
     "torque_offset": {"offset"},
-    "transmission_coupling": {"joint_other", "ratio", "coefficient", "level"},
+    "transmission_coupling": {"joint_other", "ratio", "coefficient", "level", "inertia"},
     "link_inertia": set(PARAMETERS),
     "payload": {"mass", "centre", "inertia"},
     "base_tilt": {"roll", "pitch"},

@@ -28,7 +28,7 @@ RATE, BAND, SERVO_HZ = 200.0, 12.0, 10.0
 SETTLED = 0.4
 """Share of the motion after which what swings has forgotten that the simulation began in its middle."""
 JOINT = Place(1)
-COUPLED = {"joint_other": 2, "ratio": -1.0, "coefficient": 2.0, "level": 2.0}
+COUPLED = {"joint_other": 2, "ratio": -1.0, "coefficient": 2.0, "level": 2.0, "inertia": 0.5}
 CHANGE = dict(zip(PARAMETERS, (0.0, 0.4, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1), strict=True))
 
 

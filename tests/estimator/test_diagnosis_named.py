@@ -111,6 +111,22 @@ def test_a_part_of_a_law_that_is_not_there_does_not_hide_the_law(
     assert first.parameters["level"].value >= 0.0
 
 
+def test_a_rotor_that_two_joints_turn(six_axis: RigidBody, record: Recorder) -> None:
+    """As behind a wrist, whose motors turn with the joints before theirs: no link has that inertia, and no friction."""
+
+    def shared(q: Array, dq: Array, ddq: Array) -> Array:
+        spent = 0.2 * (ddq[:, 4] + 0.6 * ddq[:, 5])
+        return on(4, spent, q) + on(5, 0.6 * spent, q)
+
+    (found,) = diagnose(six_axis, record(shared, 1)).findings
+    assert (found.effect, found.place.joint, found.place.other) == ("transmission_coupling", 4, 5)
+    inertia, ratio = found.parameters["inertia"], found.parameters["ratio"]
+    assert inertia.value == pytest.approx(0.2, rel=0.1)
+    assert abs(float(inertia.value) - 0.2) < 4.0 * float(inertia.standard_error)
+    assert ratio.value == pytest.approx(0.6, abs=0.05)
+    assert found.parameters["level"].value == pytest.approx(0.0, abs=0.02)
+
+
 def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: RigidBody, record: Recorder) -> None:
     found = diagnose(six_axis, record(playings=1))
     assert found.verdict == "clean"
