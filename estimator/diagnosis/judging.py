@@ -22,7 +22,7 @@ from estimator.diagnosis.rivals import AMBIGUOUS
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
-from estimator.diagnosis.slow_forms import beside_two_lines, of_one_form
+from estimator.diagnosis.slow_forms import beside_two_lines, of_one_form, of_two_lines
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
 
 _NOTHING = 3.0
@@ -130,7 +130,8 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = told_once(evidence, scores, chosen, refined)
     chosen, refined = simpler(evidence, scores, chosen, refined)
     chosen, refined = not_taken_back(evidence, scores, chosen, refined)
-    return of_one_form(evidence, scores, chosen, refined)
+    chosen, refined = of_one_form(evidence, scores, chosen, refined)
+    return of_two_lines(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

@@ -10,7 +10,7 @@ import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.refinement import Refined, fitted
-from estimator.diagnosis.rivals import Alternative
+from estimator.diagnosis.rivals import AMBIGUOUS, Alternative
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause
 from estimator.diagnosis.unexplained import FORM
@@ -65,38 +65,54 @@ def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterat
             yield max(shaped, key=lambda one: _worth(scores, *one))
 
 
-def beside_two_lines(
-    evidence: Evidence, scores: Scores, causes: Sequence[Cause], refined: Refined
-) -> Iterator[Cause]:
-    """The causes, ``refined`` together. One that a slow line looks like, beside such a line of its joint, has a second
-    line as an alternative, as far behind as two are, both at their best shapes: one line in the place of two that have
-    hardly a period each takes a shape between theirs, and leaves an offset."""
+def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
+    """The chosen with two slow lines in the place of one, or more, and of a cause that they look like, where two are
+    better at their best shapes: one in the place of two that have hardly a period each takes a shape between theirs,
+    and leaves an offset, a spring, or a wall."""
+    for cause in tuple(chosen):
+        for law in _laws_of_lines(evidence, scores, cause, chosen) if cause in chosen else ():
+            trial, shaped = _with_two(evidence, scores, law, cause, chosen)
+            if _worth(scores, trial, shaped) > _worth(scores, chosen, refined) + AMBIGUOUS:
+                chosen, refined = trial, shaped
+                break
+    return chosen, refined
+
+
+def beside_two_lines(evidence: Evidence, scores: Scores, causes: Sequence[Cause], refined: Refined) -> Iterator[Cause]:
+    """The causes, ``refined`` together, of which those that may be two lines (`of_two_lines`) have them as an
+    alternative, as far behind as they are."""
     chosen = [cause.candidate for cause in causes]
     for cause in causes:
-        own = scores.hypothesis(cause.candidate)
-        like = [k for k in chosen if scores.recurs(k) and own.effect.name in scores.hypothesis(k).effect.looks_like]
-        lines = [k for k in like if scores.hypothesis(k).place == own.place and _slow(evidence, scores, k, chosen)]
-        if len(lines) == 1:
-            others = [k for k in chosen if k not in (*lines, cause.candidate)]
-            second, worth = _two_lines(evidence, scores, lines[0], others)
-            behind = max(_worth(scores, chosen, refined) - worth, 0.0)
-            same = [a for a in cause.alternatives if scores.owner[a.candidate] == scores.owner[second]]
-            if behind < min((a.gap for a in same), default=np.inf):
-                near = [*(a for a in cause.alternatives if a not in same), Alternative(second, behind)]
-                cause = replace(cause, alternatives=tuple(sorted(near, key=lambda one: one.gap)))
+        for law in _laws_of_lines(evidence, scores, cause.candidate, chosen):
+            trial, shaped = _with_two(evidence, scores, law, cause.candidate, chosen)
+            behind = max(_worth(scores, chosen, refined) - _worth(scores, trial, shaped), 0.0)
+            same = [a for a in cause.alternatives if scores.owner[a.candidate] == law]
+            if behind < min((a.gap for a in same), default=AMBIGUOUS):
+                told = [*(a for a in cause.alternatives if a not in same), Alternative(trial[-1], behind)]
+                cause = replace(cause, alternatives=tuple(sorted(told, key=lambda one: one.gap)))
         yield cause
 
 
-def _two_lines(evidence: Evidence, scores: Scores, line: int, others: list[int]) -> tuple[int, float]:
-    """The better second of two slow lines of a ``line``'s law beside the others, and what all of them are worth."""
-    same = [k for k in map(int, np.flatnonzero(scores.owner == scores.owner[line])) if _slow(evidence, scores, k, [])]
-    pairs = sorted(combinations(same, 2), key=lambda pair: scores.nats([*others, *pair]))[-_STARTS:]
-    trials = [[*others, *pair] for pair in pairs]
-    worth = [_worth(scores, trial, fitted(evidence, scores, trial)) for trial in trials]
-    if not worth:
-        return line, -np.inf
-    best = int(np.argmax(worth))
-    return next(k for k in pairs[best] if k != line), worth[best]
+def _laws_of_lines(evidence: Evidence, scores: Scores, cause: int, chosen: Sequence[int]) -> list[int]:
+    """The hypotheses of the slow lines among the chosen that a cause looks like, of joints where it acts."""
+    name, acts = scores.hypothesis(cause).effect.name, scores.design.candidates[cause].channels
+    like = [k for k in chosen if scores.recurs(k) and name in scores.hypothesis(k).effect.looks_like]
+    there = [k for k in like if set(scores.design.candidates[k].channels) <= set(acts)]
+    return list(dict.fromkeys(int(scores.owner[k]) for k in there if _slow(evidence, scores, k, list(chosen))))
+
+
+def _with_two(
+    evidence: Evidence, scores: Scores, law: int, cause: int, chosen: Sequence[int]
+) -> tuple[list[int], Refined]:
+    """The chosen with two slow lines of a law at their best shapes, the last two, in the place of its own and of a
+    cause."""
+    others = [k for k in chosen if k != cause and scores.owner[k] != law]
+    slow = [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
+    pairs = sorted(combinations(slow, 2), key=lambda pair: scores.nats([*others, *pair]))[-_STARTS:]
+    trials = [
+        (trial, fitted(evidence, scores, trial)) for trial in ([*others, *pair] for pair in pairs or [tuple(slow)])
+    ]
+    return max(trials, key=lambda one: _worth(scores, *one))
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:

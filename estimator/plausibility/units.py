@@ -52,7 +52,12 @@ torques of two joints 1.55 times as large (the Kinova of ../shared/data)."""
 _NEAR = 0.05
 _POUNDS = 0.7376
 """lbf·ft a N·m: so much smaller no load makes the torques of three joints."""
-_KNOWN = {_POUNDS: "in lbf·ft", 1.0 / 2.2046: "of masses in lb", 2.2046: "of masses in lb", 2.0**0.5: "by peak currents"}
+_KNOWN = {
+    _POUNDS: "in lbf·ft",
+    1.0 / 2.2046: "of masses in lb",
+    2.2046: "of masses in lb",
+    2.0**0.5: "by peak currents",
+}
 """By the size of the torques over those of the URDF what either may be told in."""
 _TOO_FAST = 5.0
 """Times a URDF's velocity limit."""

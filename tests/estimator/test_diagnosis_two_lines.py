@@ -1,0 +1,54 @@
+"""Two slow lines of one joint, of which hardly a period is seen each: no line with an offset, a spring or a wall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory
+from estimator.diagnosis.diagnose import diagnose
+
+Array = NDArray[np.float64]
+
+
+@pytest.mark.parametrize(
+    ("order", "phase", "amplitude"),
+    [(1.8, 3.0, 0.4), (1.2, 0.0, 0.2), (1.2, 2.0, 0.4), (1.2, 4.0, 0.4), (1.2, 5.0, 0.4)],
+)
+def test_two_lines_are_no_line_beside_another_law(
+    make_chain: Callable[..., RigidBody],
+    play_twice: Callable[..., list[Trajectory]],
+    order: float,
+    phase: float,
+    amplitude: float,
+) -> None:
+    body = make_chain("rr")
+
+    def pulleys(q: Array, dq: Array) -> Array:
+        waves = np.sin(order * q + phase) + np.sin(1.72 * order * q + 2.3 * phase)
+        return np.array([amplitude, 0.0]) * waves
+
+    found = diagnose(body, play_twice(body, pulleys, noise=0.2))
+    assert [(f.effect, f.place.joint) for f in found.findings] == [("cogging", 0), ("cogging", 0)]
+    assert found.unexplained == {}
+    orders = [f.parameters["order"] for f in found.findings]
+    for told, true in zip(sorted(orders, key=lambda one: float(one.value)), (order, 1.72 * order), strict=True):
+        assert abs(float(told.value) - true) < max(3.5 * float(told.standard_error), 0.03)
+
+
+def test_a_line_beside_an_offset_stays_what_it_is(
+    make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]
+) -> None:
+    """Two lines explain no more than they do; of a slow one it is said that it may be two."""
+    body = make_chain("rr")
+
+    def line(q: Array, dq: Array) -> Array:
+        return np.array([1.0, 0.0]) * (0.3 * np.sin(5.0 * q + 0.4) + 0.5)
+
+    found = diagnose(body, play_twice(body, line, noise=0.2))
+    assert {f.effect for f in found.findings} == {"cogging", "torque_offset"}
+    (cogging,) = [f for f in found.findings if f.effect == "cogging"]
+    assert cogging.parameters["order"].value == pytest.approx(5.0, abs=0.05)
