@@ -59,12 +59,14 @@ def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
 
 
 def _told(parameters: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    """Of many parameters those that stand out of their errors: the others the data do not tell one by one."""
+    """Those that the place does not name, without parts of a law that are not there; of many parameters those that
+    stand out of their errors: the others the data do not tell one by one."""
+    own = {name: q for name, q in parameters.items() if name != "joint_other" and np.any(np.atleast_1d(q.value) != 0.0)}
     if len(parameters) <= FEW:
-        return dict(parameters)
+        return own
     return {
         name: q
-        for name, q in parameters.items()
+        for name, q in own.items()
         if np.any(np.abs(np.atleast_1d(q.value)) > 2.0 * np.atleast_1d(q.standard_error))
     }
 

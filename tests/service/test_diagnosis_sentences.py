@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from estimator.diagnosis.answer import Diagnosis, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.answer import Diagnosis, Finding, HeldOut, Quantity, Residual, Unexplained, Verdict
 from estimator.diagnosis.traces import Traces
+from estimator.effects import Place
 from service.diagnosis.json_answer import as_json
-from service.diagnosis.sentences import share_text, summary
+from service.diagnosis.sentences import sentence_of, share_text, summary
 from service.reports.diagnosis_tables import diagnosis_report
 
 
@@ -55,3 +56,18 @@ def test_several_joints_are_told_line_by_line() -> None:
 @pytest.mark.parametrize(("share", "text"), [(0.0, "0 %"), (0.004, "less than 1 %"), (0.86, "86 %"), (1.0, "100 %")])
 def test_a_share_that_is_there_never_reads_nothing(share: float, text: str) -> None:
     assert share_text(share) == text
+
+
+def test_a_shared_rotor_is_told_without_the_friction_that_it_has_not() -> None:
+    parameters = {
+        "joint_other": Quantity(1.0, 0.0, "–"),
+        "ratio": Quantity(1.021, 0.024, "–"),
+        "coefficient": Quantity(0.0, 0.0003, "N·m·s/rad"),
+        "level": Quantity(0.0, 0.0004, "N·m"),
+        "inertia": Quantity(0.00698, 0.00024, "kg·m²"),
+    }
+    found = Finding("transmission_coupling", Place(0, other=1), "named", parameters, 2136.0, 0.0, 1.0, (), (), None)
+    assert sentence_of(found, ("shoulder", "elbow")) == (
+        "joints shoulder and elbow have transmission coupling: ratio 1.021 ± 0.024, inertia 0.00698 ± 0.00024 kg·m²; "
+        "it explains 100 % of what can be explained there"
+    )
