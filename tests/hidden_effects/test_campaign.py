@@ -102,12 +102,13 @@ def test_it_is_no_cause_either_where_each_motion_was_played_once() -> None:
         Plan(2, 31, "seven", ("transport_delay",), 0.4, 0.02, SECONDS),
         Plan(11, 1111, "puma600", ("torque_nonlinearity",), 0.8, 0.02, SECONDS),
         Plan(3, 6161, "seven", ("contact",), 0.4, 0.02, SECONDS),
+        Plan(5, 32701, "seven", ("transmission_coupling:rotor",), 1.0, 0.02, 24.0),
     ],
     ids=lambda plan: str(plan.kinds[0]),
 )
 def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
     """A spring whose size its shape tells as well, lateness that a bent timing imitates, a law with an absent part, a
-    wall that only some of the poses touch."""
+    wall that only some of the poses touch, a rotor that two joints of the wrist turn."""
     result = judged(plan, in_process)
     assert result.right, result.sentence
 
@@ -126,6 +127,13 @@ def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
 def test_what_friction_of_every_joint_hides_is_named_and_nothing_else(plan: Plan) -> None:
     result = judged(plan, in_process)
     assert result.right, result.sentence
+
+
+@pytest.mark.timeout(600)
+def test_bristles_under_a_servo_are_no_rise_from_rest() -> None:
+    """Of twenty times the noise: what Stribeck's friction explains more there is less than what it leaves."""
+    result = judged(Plan(1, 32104, "dda", ("encoder_offset",), 0.4, 0.05, 24.0, friction=20.0), in_process)
+    assert not result.wrong, result.sentence
 
 
 @pytest.mark.timeout(600)
