@@ -108,11 +108,9 @@ def _with_two(
     cause."""
     others = [k for k in chosen if k != cause and scores.owner[k] != law]
     slow = [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
-    pairs = sorted(combinations(slow, 2), key=lambda pair: scores.nats([*others, *pair]))[-_STARTS:]
-    trials = [
-        (trial, fitted(evidence, scores, trial)) for trial in ([*others, *pair] for pair in pairs or [tuple(slow)])
-    ]
-    return max(trials, key=lambda one: _worth(scores, *one))
+    trials = [[*others, *pair] for pair in combinations(slow, min(len(slow), 2))]
+    best = sorted(trials, key=scores.nats)[-_STARTS:]
+    return max(((trial, fitted(evidence, scores, trial)) for trial in best), key=lambda one: _worth(scores, *one))
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:
