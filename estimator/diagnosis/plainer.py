@@ -40,7 +40,7 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
         shaped = fitted(evidence, scores, fewer)
         least = WORTH
         if all(scores.hypothesis(k).effect.dry for k in wider):
-            least = max(least, FORM * _explained_at(scores, chosen, candidate))
+            least = max(least, FORM * scores.nats_there(candidate, chosen))
         if shaped.explained + least > refined.explained:
             chosen, refined = fewer, shaped
     return chosen, refined
@@ -82,7 +82,7 @@ def not_taken_back(
         plain = [] if search.admission.contained(other, wide) else search.special(wide, alone)
         if not plain or other in plain or max(map(scores.support, (alone, [*plain, other]))) > scores.support(plain):
             continue
-        if scores.nats(chosen) - scores.nats(plain) < FORM * _explained_at(scores, chosen, wide):
+        if scores.nats(chosen) - scores.nats(plain) < FORM * scores.nats_there(wide, chosen):
             chosen = search.ordered(plain)
             refined = fitted(evidence, scores, chosen)
     return chosen, refined
@@ -194,17 +194,11 @@ def _stands_for_the_same(search: Search, candidate: int, mender: int) -> bool:
     return own.place == other.place and bool({own.effect.name, *own.effect.contains} & set(other.effect.contains))
 
 
-def _explained_at(scores: Scores, chosen: Sequence[int], candidate: int) -> float:
-    """nats that all of the chosen of a candidate's place explain together."""
-    place = scores.hypothesis(candidate).place
-    return scores.nats(chosen) - scores.nats([k for k in chosen if scores.hypothesis(k).place != place])
-
-
 def _inexact(scores: Scores, chosen: list[int], candidate: int) -> float:
     """nats that the chosen leave to see where a candidate acts, up to what any form is exact to."""
     channels = list(scores.design.candidates[candidate].channels)
     left = left_to_see(scores, chosen)[channels] * scores.weights[channels]
-    return min(0.5 * scores.total.rows * float(left.sum()), FORM * _explained_at(scores, chosen, candidate))
+    return min(0.5 * scores.total.rows * float(left.sum()), FORM * scores.nats_there(candidate, chosen))
 
 
 def _stands_before(scores: Scores, before: Sequence[int], candidate: int) -> bool:

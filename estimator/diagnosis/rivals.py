@@ -168,9 +168,8 @@ def _a_form(
 ) -> bool:
     """Whether the nats ``more`` of a wider law, the last of those ``instead`` of the chosen, are no evidence for it:
     less than any form is exact to, where the law has a form of its own, or one more form of what it contains."""
-    elsewhere = [c for c in chosen if scores.hypothesis(c).place != scores.hypothesis(candidate).place]
-    explained = scores.nats(chosen) - scores.nats(elsewhere)
-    return more < (FORM if bent else _ALIKE) * explained or not _differs(scores, instead)
+    least = (FORM if bent else _ALIKE) * scores.nats_there(candidate, chosen)
+    return more < least or not _differs(scores, instead)
 
 
 def _differs(scores: Scores, chosen: Sequence[int]) -> bool:

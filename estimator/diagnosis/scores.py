@@ -158,6 +158,11 @@ class Scores:
             self._nats[key] = float(0.5 * (model.right[model.active] @ model.value))
         return self._nats[key]
 
+    def nats_there(self, candidate: int, chosen: Sequence[int]) -> float:
+        """Of a model, what all of the chosen explain together that are of a candidate's place."""
+        place = self.hypothesis(candidate).place
+        return self.nats(chosen) - self.nats([k for k in chosen if self.hypothesis(k).place != place])
+
     def explained(self, causes: Sequence[int], others: Sequence[int]) -> Array:
         """(channels,) of the noise's variance, what ``causes`` explain beside ``others``: in residual, and in what the
         given model would have to leave its tolerance in their stead, told of the channels that they enter."""

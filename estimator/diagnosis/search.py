@@ -296,9 +296,7 @@ class Search:
         special = self.special(candidate, chosen)
         if not special:
             return near
-        place = self.scores.hypothesis(candidate).place
-        elsewhere = [c for c in chosen if self.scores.hypothesis(c).place != place]
-        inexact = _EXACT * (self.scores.nats(chosen) - self.scores.nats(elsewhere))
+        inexact = _EXACT * self.scores.nats_there(candidate, chosen)
         behind = max(self.scores.support(chosen) - self.scores.support(special) - inexact, 0.0)
         own = {int(self.scores.owner[k]): Alternative(k, behind) for k in special if k not in chosen}
         anew = (min(a, own.get(int(self.scores.owner[a.candidate]), a), key=lambda one: one.gap) for a in near)

@@ -42,7 +42,7 @@ def test_two_lines_are_no_line_beside_another_law(
 def test_a_line_beside_an_offset_stays_what_it_is(
     make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]
 ) -> None:
-    """Two lines explain no more than they do; of a slow one it is said that it may be two."""
+    """Two lines explain no more than they do."""
     body = make_chain("rr")
 
     def line(q: Array, dq: Array) -> Array:
