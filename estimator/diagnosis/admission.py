@@ -130,15 +130,15 @@ class Admission:
         channels = list(self.design.candidates[candidate].channels)
         return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
 
-    def told(self, candidate: int, chosen: list[int], misfit: Array) -> float:
-        """What a cause explains, with all of its recurrences, in multiples of a trifle; ``misfit`` (channels,) what
-        the chosen leave to be seen, of the noise's variance."""
+    def told(self, candidate: int, chosen: list[int], forms: list[int], misfit: Array) -> float:
+        """What a cause explains, with all of its recurrences, in multiples of a trifle, where the chosen stand beside
+        ``forms`` of some; ``misfit`` (channels,) what they leave to be seen, of the noise's variance."""
         rows = self.scores.total.rows
-        before, after = (self.scores.model(k).squares() / rows for k in ([], chosen))
+        before, after = (self.scores.model(k).squares() / rows for k in ([], [*chosen, *forms]))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
         left = np.maximum(_REST * (after - 1.0 - self.scores.noise_error), _SEEN * misfit)
         trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(left, 1.0 if self.scores.assumed else 0.0))
         own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
-        lost = self.scores.explained(own, [c for c in chosen if c not in own])
+        lost = self.scores.explained(own, [c for c in (*chosen, *forms) if c not in own])
         channels = list(self.design.candidates[candidate].channels)
         return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))

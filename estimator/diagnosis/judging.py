@@ -13,6 +13,7 @@ from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.bent_links import with_bent_links
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
+from estimator.diagnosis.forms import beside_forms
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
 from estimator.diagnosis.plainer import not_taken_back, simpler, told_once, without_menders
@@ -149,11 +150,11 @@ def _beside_what_was_told(
 def _explaining(scores: Scores, widest: Scores, chosen: list[int]) -> list[int]:
     """Without causes that leave more unexplained than they explain wherever they act: such a law only touches on the
     true one, and its name would mislead. All orders of a periodic law are judged as one."""
-    left = np.maximum(scores.excess(chosen) - 1.0, 0.0)
+    left = np.maximum(scores.excess(beside_forms(scores, chosen)) - 1.0, 0.0)
     left[left < VISIBLE] = 0.0
     if widest is not scores:
         widest.reweigh(chosen)
-    for channel, misfit in misfits(widest, chosen).items():
+    for channel, misfit in misfits(widest, beside_forms(widest, chosen)).items():
         if misfit.told:
             left[channel] = max(left[channel], misfit.variance)
     result = []

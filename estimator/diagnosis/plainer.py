@@ -9,13 +9,14 @@ from itertools import permutations
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.forms import FORM
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, made_with, told_as
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH
-from estimator.diagnosis.unexplained import FORM, SIGNIFICANT
+from estimator.diagnosis.unexplained import SIGNIFICANT
 from estimator.effects import Law, catalogue
 
 _MENDED = 0.1

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.forms import FORM
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.typical import against_typical
-from estimator.diagnosis.unexplained import FORM
 
 AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""

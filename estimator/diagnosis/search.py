@@ -9,6 +9,7 @@ from itertools import combinations
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.borne_out import BORNE_OUT
 from estimator.diagnosis.design import Candidate
+from estimator.diagnosis.forms import forms_of
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals
 from estimator.diagnosis.scores import Scores
@@ -264,12 +265,13 @@ class Search:
     def _telling(self, chosen: list[int]) -> list[int]:
         """Without causes in whose stead nothing is as good, and without those that explain a trifle of what any model
         could, or of the noise, wherever they act: they mend the others' forms, or the noise's, and their names would
-        mislead. A cause that explains all but the noise of what is left without it is none of these. All orders of a
-        periodic law are judged as one."""
+        mislead. A cause that explains all but the noise of what is left without it is none of these, nor is one that
+        does beside the forms of frictions. All orders of a periodic law are judged as one."""
         chosen = self._without_superfluous(chosen, least=AMBIGUOUS)
-        misfit = left_to_see(self.scores, chosen)
+        forms = forms_of(self.scores, chosen)
+        beside = [(some, left_to_see(self.scores, [*chosen, *some])) for some in ([[], forms] if forms else [[]])]
         while chosen:
-            told = {k: self.admission.told(k, chosen, misfit) for k in chosen}
+            told = {k: max(self.admission.told(k, chosen, some, misfit) for some, misfit in beside) for k in chosen}
             least = min(told, key=lambda k: told[k])
             if told[least] > 1.0:
                 break

@@ -9,11 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.forms import FORM
 from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause
-from estimator.diagnosis.unexplained import FORM
 from estimator.effects import Place
 
 _PERIODS = 6.0

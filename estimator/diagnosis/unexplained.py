@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding, Unexplained
 from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.forms import FORM, beside_forms
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.ringing import ringing
@@ -16,8 +17,6 @@ from estimator.effects import catalogue
 
 SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
-FORM = 0.01
-"""Of the explainable: a law's form is exact to a tenth of its torque, and less than that has no name of its own."""
 VISIBLE = 0.35
 """Of the noise's variance: less than this, of no quantity in particular, may be an error of the noise model."""
 
@@ -32,18 +31,21 @@ def unexplained_by(
 ) -> dict[int, Unexplained]:
     """By joint, the torques whose residual is beyond the noise: as a whole, as a function of one quantity, as by a law
     that one part of the motions alone shows, or as by one at a shape that makes it ``nameless``. What goes with a
-    quantity and is not left by causes that are as good, ``instead`` of the chosen, has their names."""
+    quantity and is not left by causes that are as good, ``instead`` of the chosen, has their names. What is a matter of
+    a friction's form (`beside_forms`) has none of its own."""
     rows = scores.total.rows
     before = scores.model([]).squares() / rows
-    after = refined.model.squares() / rows
-    found = misfits(scores, chosen)
+    as_formed = beside_forms(scores, chosen)
+    formed = (scores.model(chosen).squares() - scores.model(as_formed).squares()) / rows
+    after = refined.model.squares() / rows - formed
+    found = misfits(scores, as_formed)
     result = {}
     for channel in torque_channels(evidence.design):
         joint = evidence.grid.channels[channel].index
         misfit = found[channel]
         # An assumed noise has an assumed colour: within it no pattern is more than that.
         told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
-        told = told and all(misfits(scores, list(others))[channel].told for others in instead)
+        told = told and all(misfits(scores, beside_forms(scores, others))[channel].told for others in instead)
         # A noise that is less than it was taken for is at most what such a pattern leaves.
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise
