@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,7 +132,7 @@ class Admission:
         channels = list(self.design.candidates[candidate].channels)
         return bool(np.any(self.scores.explained([candidate], chosen)[channels] > _LEAST_SHARE * left[channels]))
 
-    def told(self, candidate: int, chosen: list[int], forms: list[int], misfit: Array) -> float:
+    def told(self, candidate: int, chosen: list[int], misfit: Array, forms: Sequence[int] = ()) -> float:
         """What a cause explains, with all of its recurrences, in multiples of a trifle, where the chosen stand beside
         ``forms`` of some; ``misfit`` (channels,) what they leave to be seen, of the noise's variance."""
         rows = self.scores.total.rows

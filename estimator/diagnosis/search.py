@@ -271,7 +271,7 @@ class Search:
         forms = forms_of(self.scores, chosen)
         beside = [(some, left_to_see(self.scores, [*chosen, *some])) for some in ([[], forms] if forms else [[]])]
         while chosen:
-            told = {k: max(self.admission.told(k, chosen, some, misfit) for some, misfit in beside) for k in chosen}
+            told = {k: max(self.admission.told(k, chosen, misfit, some) for some, misfit in beside) for k in chosen}
             least = min(told, key=lambda k: told[k])
             if told[least] > 1.0:
                 break
