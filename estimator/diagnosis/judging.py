@@ -25,6 +25,7 @@ from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.slow_forms import beside_two_lines, of_one_form, of_two_lines
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
+from estimator.diagnosis.walls import beside_a_wall, of_a_wall
 
 _NOTHING = 3.0
 """Standard errors by which a cause must differ from nothing once its shape was refined, and is free: a wall that may be
@@ -83,6 +84,7 @@ def judge(evidence: Evidence) -> Judged:
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
     told, named = without_menders(found.evidence, scores, stood, refined)
     seen = list(beside_two_lines(found.evidence, scores, told, named))
+    seen = list(beside_a_wall(found.evidence, scores, seen, named))
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     if found.widest is not scores:
         found.widest.reweigh(stood)
@@ -132,7 +134,8 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = simpler(evidence, scores, chosen, refined)
     chosen, refined = not_taken_back(evidence, scores, chosen, refined)
     chosen, refined = of_one_form(evidence, scores, chosen, refined)
-    return of_two_lines(evidence, scores, chosen, refined)
+    chosen, refined = of_two_lines(evidence, scores, chosen, refined)
+    return of_a_wall(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

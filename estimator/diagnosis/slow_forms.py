@@ -34,15 +34,15 @@ def of_one_form(evidence: Evidence, scores: Scores, chosen: list[int], refined: 
         others = [k for k in chosen if k not in slow]
         alone = [[*others, k] for k in (*slow, *_instead(scores, place, slow, others))]
         trials = [(trial, fitted(evidence, scores, trial)) for trial in alone]
-        best, shaped = max(trials, key=lambda one: _worth(scores, *one))
+        best, shaped = max(trials, key=lambda one: worth(scores, *one))
         whole = refined.explained - fitted(evidence, scores, others).explained
         inexact = refined.explained - shaped.explained < FORM * whole
-        if inexact or _worth(scores, best, shaped) > _worth(scores, chosen, refined):
+        if inexact or worth(scores, best, shaped) > worth(scores, chosen, refined):
             chosen, refined = best, shaped
     return chosen, refined
 
 
-def _worth(scores: Scores, chosen: list[int], refined: Refined) -> float:
+def worth(scores: Scores, chosen: list[int], refined: Refined) -> float:
     """nats that the chosen explain at their best shapes, less one for each freedom."""
     return refined.explained - sum(map(scores.size, chosen))
 
@@ -62,7 +62,7 @@ def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterat
             trials = [[*others, k] for k in like]
         shaped = [(trial, fitted(evidence, scores, trial)) for trial in trials]
         if shaped:
-            yield max(shaped, key=lambda one: _worth(scores, *one))
+            yield max(shaped, key=lambda one: worth(scores, *one))
 
 
 def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
@@ -72,7 +72,7 @@ def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined:
     for cause in tuple(chosen):
         for law in _laws_of_lines(evidence, scores, cause, chosen) if cause in chosen else ():
             trial, shaped = _with_two(evidence, scores, law, cause, chosen)
-            if _worth(scores, trial, shaped) > _worth(scores, chosen, refined) + AMBIGUOUS:
+            if worth(scores, trial, shaped) > worth(scores, chosen, refined) + AMBIGUOUS:
                 chosen, refined = trial, shaped
                 break
     return chosen, refined
@@ -85,7 +85,7 @@ def beside_two_lines(evidence: Evidence, scores: Scores, causes: Sequence[Cause]
     for cause in causes:
         for law in _laws_of_lines(evidence, scores, cause.candidate, chosen):
             trial, shaped = _with_two(evidence, scores, law, cause.candidate, chosen)
-            behind = max(_worth(scores, chosen, refined) - _worth(scores, trial, shaped), 0.0)
+            behind = max(worth(scores, chosen, refined) - worth(scores, trial, shaped), 0.0)
             same = [a for a in cause.alternatives if scores.owner[a.candidate] == law]
             if behind < min((a.gap for a in same), default=AMBIGUOUS):
                 told = [*(a for a in cause.alternatives if a not in same), Alternative(trial[-1], behind)]
@@ -110,7 +110,7 @@ def _with_two(
     slow = [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
     trials = [[*others, *pair] for pair in combinations(slow, min(len(slow), 2))]
     best = sorted(trials, key=scores.nats)[-_STARTS:]
-    return max(((trial, fitted(evidence, scores, trial)) for trial in best), key=lambda one: _worth(scores, *one))
+    return max(((trial, fitted(evidence, scores, trial)) for trial in best), key=lambda one: worth(scores, *one))
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:
