@@ -14,6 +14,7 @@ from estimator.diagnosis.bent_links import with_bent_links
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.findings import finding
 from estimator.diagnosis.forms import beside_forms
+from estimator.diagnosis.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.left_noise import by_what_is_left
 from estimator.diagnosis.plainer import not_taken_back, simpler, told_once, without_menders
@@ -25,7 +26,6 @@ from estimator.diagnosis.search import Cause, Search
 from estimator.diagnosis.sharpening import WORTH, sharpened
 from estimator.diagnosis.slow_forms import beside_two_lines, of_one_form, of_two_lines
 from estimator.diagnosis.unexplained import SIGNIFICANT, VISIBLE
-from estimator.diagnosis.walls import beside_a_wall, of_a_wall
 
 _NOTHING = 3.0
 """Standard errors by which a cause must differ from nothing once its shape was refined, and is free: a wall that may be
@@ -84,7 +84,7 @@ def judge(evidence: Evidence) -> Judged:
     borne_out = None if found.links == 1.0 or evidence.tolerance is None else found.links * evidence.tolerance
     told, named = without_menders(found.evidence, scores, stood, refined)
     seen = list(beside_two_lines(found.evidence, scores, told, named))
-    seen = list(beside_a_wall(found.evidence, scores, seen, named))
+    seen = list(beside_joint_or_arm(found.evidence, scores, seen, named))
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     if found.widest is not scores:
         found.widest.reweigh(stood)
@@ -135,7 +135,7 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = not_taken_back(evidence, scores, chosen, refined)
     chosen, refined = of_one_form(evidence, scores, chosen, refined)
     chosen, refined = of_two_lines(evidence, scores, chosen, refined)
-    return of_a_wall(evidence, scores, chosen, refined)
+    return of_joint_or_arm(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

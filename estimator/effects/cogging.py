@@ -24,7 +24,7 @@ class Cogging(JointEffect):
     in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
     recurs = True
-    looks_like = ("joint_spring", "torque_offset", "contact")
+    looks_like = ("joint_spring", "torque_offset", "contact", "base_tilt")
     confused_with = ("encoder_eccentricity", "torque_ripple")
     seen_against = "q"
     experiment = "sweep {joint} slowly through full turns, both ways"

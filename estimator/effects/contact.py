@@ -110,8 +110,9 @@ def _at_place(parameters: Parameters) -> bool:
 
 
 def _plane(theta: Array) -> tuple[Array, float]:
-    """Unit vector (3,) into the wall, and how far along it the plane lies from the base's origin, m."""
-    return theta[1:4] / np.linalg.norm(theta[1:4]), float(theta[4])
+    """Unit vector (3,) into the wall, and how far along it the plane lies from the base's origin, m; no direction is no
+    wall."""
+    return theta[1:4] / max(float(np.linalg.norm(theta[1:4])), 1e-300), float(theta[4])
 
 
 EFFECT = Contact()

@@ -39,7 +39,7 @@ class JointSpring(JointEffect):
     choices = (0,)
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
-    looks_like = ("cogging", "contact")
+    looks_like = ("cogging", "contact", "base_tilt")
     seen_against = "q"
     experiment = "rest in a grid of poses over the range of {joint}"
 
