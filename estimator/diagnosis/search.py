@@ -18,8 +18,8 @@ from estimator.effects import Law
 _MOST_CAUSES_A_JOINT = 3
 _TRIED = 4
 """Hypotheses that a step tries before it gives up, beside those that explain errors alone."""
-_EXACT = 1e-3
-"""Of what the laws of a place explain: the form of none is exact to less than three hundredths of its torque."""
+_EXACT = 2e-4
+"""Of what the laws of a place explain: the form of none is exact to less than a seventieth of its torque."""
 _TURNS = 3
 """Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
 
