@@ -69,7 +69,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
 def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[int], gap: float) -> float:
     """The gap of a rival that contains some of the chosen, and may stand for all of them, where it is ``gap`` against
     the one candidate."""
-    scores = admission.scores
+    scores, place = admission.scores, admission.scores.hypothesis(candidate).place
     instead = _instead(admission, rival, [c for c in chosen if c != candidate])
     whole = _with_all_parts(admission, rival, chosen)
     more = scores.nats(instead) - scores.nats(whole)
@@ -83,6 +83,11 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
     bent = _shapes(scores, rival) > _shapes(scores, candidate)
     if typical is not None and (chance > AMBIGUOUS or _a_form(scores, candidate, chosen, instead, more, bent)):
         return typical
+    # A rise from rest is one of a dry friction: where that is not there, a trifle of both is no evidence for either.
+    there = {scores.hypothesis(k).effect.name for k in chosen if scores.hypothesis(k).place == place}
+    usual = set(scores.hypothesis(rival).effect.typical)
+    if usual and not usual & there and more < FORM * scores.nats_there(candidate, chosen):
+        return max(gap, chance, AMBIGUOUS)
     # Of a wider law that is linear in what it has more, chance is known well.
     return chance if gap > 0.0 and not bent else min(gap, chance)
 
