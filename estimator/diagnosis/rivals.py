@@ -57,6 +57,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             gap = 0.0 if untold else mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+            if (usual := _against_usual_of_contained(scores, candidate, chosen, k)) is not None:
+                gap = min(gap, max(usual, 0.0))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
             gap = _for_several(admission, candidate, k, chosen, gap)
         result.append(Alternative(k, gap))
@@ -119,6 +121,18 @@ def _against_usual(scores: Scores, candidate: int, chosen: list[int], plain: int
     shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
     column = int(scores.design.candidates[candidate].columns[0])
     return against_typical(scores.model(chosen), law, column, wide, shapes)
+
+
+def _against_usual_of_contained(scores: Scores, candidate: int, chosen: list[int], rival: int) -> float | None:
+    """The same (`_against_usual`) where what was chosen contains the plainer law itself, and not the rival: bristles
+    beside which a friction may rise from rest as it does beside Coulomb's. None where there is no such law."""
+    own, wide = (scores.hypothesis(k) for k in (candidate, rival))
+    names = set(own.effect.contains) & set(wide.effect.typical) if own.place == wide.place else set()
+    laws = enumerate(scores.design.hypotheses)
+    plain = [number for number, law in laws if law.place == own.place and law.effect.name in names]
+    if not plain:
+        return None
+    return _against_usual(scores, candidate, chosen, int(np.flatnonzero(scores.owner == plain[0])[0]), rival)
 
 
 def _with_all_parts(admission: Admission, rival: int, chosen: list[int]) -> list[int]:
