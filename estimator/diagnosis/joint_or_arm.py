@@ -22,6 +22,8 @@ from estimator.effects import Place
 
 _STARTS = 4
 """Candidates from which the best shape is sought."""
+_MOST_OF_THE_TIME = 0.9
+"""Of all samples, that a law acts in which comes and goes."""
 _HOPELESS = 0.4
 """Of what causes explain, the least that a candidate explains in their stead on the grid."""
 
@@ -111,4 +113,16 @@ def _with_another(
     best = [apart[gain] for gain in sorted(apart)[-_STARTS:]]
     least = _HOPELESS * (scores.nats(chosen) - scores.nats(others))
     trials = [([*others, k], fitted(evidence, scores, [*others, k])) for k in best if gains[k] > least]
-    return max(trials, key=lambda one: worth(scores, *one), default=None)
+    able = [one for one in trials if _now_and_then(evidence, one[1])]
+    return max(able, key=lambda one: worth(scores, *one), default=None)
+
+
+def _now_and_then(evidence: Evidence, refined: Refined) -> bool:
+    """Whether the last of the causes acts no longer than one of its name: a wall that the tool is never in front of
+    is a spring of any form."""
+    own = refined.design.candidates[-1]
+    law = refined.design.hypotheses[own.hypothesis]
+    if not law.effect.comes_and_goes:
+        return True
+    acts = [np.any(law.effect.columns(law.place, p.signals, own.theta) != 0.0, axis=(1, 2)) for p in evidence.pieces]
+    return float(np.concatenate(acts).mean()) < _MOST_OF_THE_TIME

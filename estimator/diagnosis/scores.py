@@ -139,7 +139,7 @@ class Scores:
         for channel in own.channels:
             enter |= np.diag(self.total.grams[channel])[self.design.position[channel][own.columns]] > 0.0
         size = min(int(enter.sum()) + len(own.theta), sum(np.size(value) for value in told.values()))
-        return size - len(neutral.effect.forms)
+        return size - len(neutral.effect.forms) - neutral.effect.redundant(own.theta)
 
     def penalty(self, chosen: Sequence[int]) -> float:
         """Nats that a model's freedom costs (Bayesian information criterion)."""

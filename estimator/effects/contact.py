@@ -38,6 +38,7 @@ class Contact(Effect):
     name = "contact"
     units: ClassVar = {"where": "s", "force": "N"}
     choices = (0,)
+    comes_and_goes = True
     confused_with = ("load_dependent_friction", "friction_drift")
     experiment = "play the same path again, shifted by 5 cm"
 
@@ -75,6 +76,10 @@ class Contact(Effect):
         if _is_wall(theta):
             return np.zeros(1), np.full(1, np.inf)
         return np.full(3, -np.inf), np.full(3, np.inf)
+
+    def redundant(self, theta: Array) -> int:
+        """Of a wall, where it is and which way it pushes: both are along its normal."""
+        return 2 if _is_wall(theta) else 0
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         if _is_wall(theta):

@@ -97,6 +97,8 @@ class Law(ABC):
     looks_like: ClassVar[tuple[str, ...]] = ()
     """Effects of other shapes that it may look like where the motion shows a part of either: compared with each at the
     shape that suits it best."""
+    comes_and_goes: ClassVar[bool] = False
+    """Whether it acts now and then alone: one that acts all of the time is something else."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
@@ -107,6 +109,10 @@ class Law(ABC):
     def differs(self, theta: Array, coefficients: Array) -> bool:
         """Whether it is more with these than a form of what it contains."""
         return True
+
+    def redundant(self, theta: Array) -> int:
+        """How many numbers of its parameters the others tell."""
+        return 0
 
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
