@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from estimator.diagnosis.maps import MEMORY, Map
 from estimator.diagnosis.scores import Scores
 from estimator.effects import Law
@@ -39,11 +37,6 @@ def forms_of(scores: Scores, chosen: Sequence[int]) -> list[int]:
 def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
     """The chosen with the forms of their frictions (`forms_of`)."""
     return [*chosen, *forms_of(scores, chosen)]
-
-
-def maps_of(scores: Scores) -> list[int]:
-    """The candidates that are maps."""
-    return [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
 
 
 def _of_friction(effect: Law) -> bool:

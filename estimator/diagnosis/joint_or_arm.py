@@ -8,7 +8,6 @@ first is a matter of whose grid comes nearer. Here both are at their best shapes
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -48,19 +47,12 @@ def beside_joint_or_arm(
     """The causes, ``refined`` together, of which those that may be a law of the whole arm, or of a joint
     (`of_joint_or_arm`), have it as an alternative, as far behind as it is."""
     chosen = [cause.candidate for cause in causes]
-    behind: dict[int, Alternative] = {}
-    for gone in _in_its_place(scores, chosen):
-        if (tried := _with_another(evidence, scores, gone, chosen)) is None:
-            continue
-        gap = max(worth(scores, chosen, refined) - worth(scores, *tried), 0.0)
-        for k in gone:
-            if gap < min(AMBIGUOUS, behind[k].gap if k in behind else np.inf):
-                behind[k] = Alternative(tried[0][-1], gap)
+    tried = [(gone, _with_another(evidence, scores, gone, chosen)) for gone in _in_its_place(scores, chosen)]
+    whole = worth(scores, chosen, refined)
+    others = [(gone, Alternative(t[0][-1], max(whole - worth(scores, *t), 0.0))) for gone, t in tried if t is not None]
     for cause in causes:
-        if (other := behind.get(cause.candidate)) is not None:
-            law = scores.owner[other.candidate]
-            kept = [a for a in cause.alternatives if scores.owner[a.candidate] != law]
-            cause = replace(cause, alternatives=tuple(sorted([*kept, other], key=lambda one: one.gap)))
+        for gone, other in others:
+            cause = cause.beside(other, scores) if cause.candidate in gone else cause
         yield cause
 
 

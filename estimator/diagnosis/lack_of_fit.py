@@ -15,7 +15,6 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
 from estimator.diagnosis.admission import FALSE_ALARM, LEAST_SEEN, RECURRING
-from estimator.diagnosis.forms import maps_of
 from estimator.diagnosis.maps import smoothest_first
 from estimator.diagnosis.scores import Scores
 
@@ -49,7 +48,7 @@ class Misfit:
 
 def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
     """By channel, what the chosen candidates leave to a map."""
-    maps = maps_of(scores)
+    maps = [int(k) for k in np.flatnonzero(scores.is_map[scores.owner])]
     forms = _forms_of(scores, maps, chosen)
     model, design = scores.model(chosen), scores.design
     found: dict[int, list[Misfit]] = defaultdict(list)

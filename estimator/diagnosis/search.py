@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from estimator.diagnosis.admission import Admission
@@ -35,6 +35,14 @@ class Cause:
     held_out: float
     """Log-likelihood gained on blocks left out, in standard errors."""
     alternatives: tuple[Alternative, ...] = ()
+
+    def beside(self, other: Alternative, scores: Scores) -> Cause:
+        """The cause with one more alternative that is as good, in the place of a farther one of its law."""
+        same = [a for a in self.alternatives if scores.owner[a.candidate] == scores.owner[other.candidate]]
+        if other.gap >= min((a.gap for a in same), default=AMBIGUOUS):
+            return self
+        told = [*(a for a in self.alternatives if a not in same), other]
+        return replace(self, alternatives=tuple(sorted(told, key=lambda one: one.gap)))
 
 
 def _made_of(effect: Law) -> Iterator[tuple[str, ...]]:

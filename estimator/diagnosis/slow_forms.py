@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -86,10 +85,7 @@ def beside_two_lines(evidence: Evidence, scores: Scores, causes: Sequence[Cause]
         for law in _laws_of_lines(evidence, scores, cause.candidate, chosen):
             trial, shaped = _with_two(evidence, scores, law, cause.candidate, chosen)
             behind = max(worth(scores, chosen, refined) - worth(scores, trial, shaped), 0.0)
-            same = [a for a in cause.alternatives if scores.owner[a.candidate] == law]
-            if behind < min((a.gap for a in same), default=AMBIGUOUS):
-                told = [*(a for a in cause.alternatives if a not in same), Alternative(trial[-1], behind)]
-                cause = replace(cause, alternatives=tuple(sorted(told, key=lambda one: one.gap)))
+            cause = cause.beside(Alternative(trial[-1], behind), scores)
         yield cause
 
 

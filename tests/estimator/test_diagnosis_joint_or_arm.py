@@ -70,18 +70,21 @@ def test_a_wall_is_no_law_of_the_joint_that_shows_it(
     assert np.all(np.abs(push - true)[:2] < 4.0 * np.asarray(error)[:2])
 
 
-@pytest.mark.parametrize(("order", "amplitude"), [(1.0, 0.4), (2.0, 0.2), (3.2, 0.2)])
+@pytest.mark.parametrize(("amplitude", "bend", "centre"), [(0.2, 2.0, -0.5), (0.4, 2.0, 0.3), (0.2, 3.0, 0.3)])
 def test_a_wall_that_the_tool_is_never_before_is_none(
-    make_chain: Chain, play_twice: PlayTwice, order: float, amplitude: float
+    make_chain: Chain, play_twice: PlayTwice, amplitude: float, bend: float, centre: float
 ) -> None:
-    """Pressed into all of the time, it would push as a slow line does."""
+    """Pressed into all of the time, it would push as any slow torque of the angle does: here a spring's between two
+    points, of which the motion shows the better half of a turn."""
     body = make_chain("rr")
 
-    def line(q: Array, dq: Array) -> Array:
-        return np.array([amplitude, 0.0]) * np.sin(order * q + 0.4)
+    def spring(q: Array, dq: Array) -> Array:
+        away = q - centre
+        return np.array([amplitude, 0.0]) * np.sin(away) / np.sqrt(1.3 + np.cos(away) * bend / 3.0)
 
-    (finding,) = diagnose(body, play_twice(body, line)).findings
-    assert (finding.effect, finding.place.joint) == ("cogging", 0)
+    (finding,) = diagnose(body, play_twice(body, spring)).findings
+    assert finding.effect in {"cogging", "joint_spring"}
+    assert finding.place.joint == 0
     walls = [a.log_likelihood_gap for a in finding.alternatives if a.effect == "contact"]
     assert all(gap >= AMBIGUOUS for gap in walls)
 

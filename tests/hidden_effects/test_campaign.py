@@ -140,3 +140,14 @@ def test_bristles_under_a_servo_are_no_rise_from_rest() -> None:
 def test_a_dress_pack_with_memory_is_not_taken_for_a_spring() -> None:
     result = judged(Plan(8, 1111, "puma600", ("hysteretic_spring",), 0.6, 0.02, SECONDS), in_process)
     assert result.outside_flagged, result.sentence
+
+
+def test_the_form_of_a_large_friction_hides_no_cause() -> None:
+    """Bristles of twenty times the noise leave as much as the cogging beside them makes, and are no unknown."""
+    kinds = ("joint_spring", "link_inertia", "backlash")
+    plan = Plan(9, 33504, "dda", kinds, size=1.0, scatter=0.0, seconds=24.0, friction=20.0)
+    judgement = judged(plan, in_process)
+    found = {cause.label: outcome for cause, outcome in zip(judgement.truth.causes, judgement.outcomes, strict=True)}
+    assert found["cogging"] == "named"
+    assert not judgement.wrong
+    assert not judgement.flagged
