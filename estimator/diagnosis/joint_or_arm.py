@@ -100,9 +100,7 @@ def _with_another(
     laws = {k for own in gone for k in _laws(scores, own)} | set(same)
     laws = {k for k in laws if scores.owner[k] not in scores.owner[others]}
     gains = scores.gains(others)
-    # Where the arm moves in a plane, directions that differ across it are the same.
-    apart = {float(np.round(gains[k], 6)): k for k in laws}
-    best = [apart[gain] for gain in sorted(apart)[-_STARTS:]]
+    best = sorted(laws, key=lambda k: gains[k])[-_STARTS:]
     least = _HOPELESS * (scores.nats(chosen) - scores.nats(others))
     trials = [([*others, k], fitted(evidence, scores, [*others, k])) for k in best if gains[k] > least]
     able = [one for one in trials if _now_and_then(evidence, one[1])]

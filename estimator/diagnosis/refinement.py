@@ -224,7 +224,7 @@ def _covariance(
     design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
 ) -> Array:
     """Of linear unknowns and theta together, by block inversion; a theta that the data do not tell keeps the variance
-    of its span."""
+    of its span, and one without a span has no error."""
     size = len(model.active)
     slopes = _slopes(design, model.value, candidates, spans)
     thetas = len(slopes)
@@ -234,6 +234,7 @@ def _covariance(
         inner, _, response = _information(design, model, slopes)
         widths = np.concatenate([(high - low) for low, high in spans])
         own = np.linalg.inv(inner + np.diag(12.0 / np.maximum(widths, 1e-12) ** 2))
+        own[widths == 0.0] = own[:, widths == 0.0] = 0.0
         result[size:, size:] = own
         result[:size, size:] = -response @ own
         result[size:, :size] = result[:size, size:].T

@@ -25,13 +25,17 @@ EDGE = 0.02
 DEPTHS = (0.15, 0.35, 0.6)
 """Of the way that the last link makes along a wall's normal, what lies behind the wall, where one is tried first."""
 
+STILL = 1e-3
+"""Of the largest spread of where the last link goes, below which it does not move along a direction."""
+
 
 class Contact(Effect):
     """A force on the arm, in the base's frame, at the origin of the last link.
 
     At a time: constant, ``force`` (3,) N. theta holds from when until when, s since the recording's start.
     At a place: what a compliant wall pushes back with, ``force`` (3,) N for each metre behind it, along its normal;
-    ``where`` (3,) m is the point of its plane nearest to the base's origin. theta holds the direction into the wall
+    ``where`` (3,) m is the point of its plane nearest to the base's origin; across a plane that the link never leaves
+    nothing tells which way it leans, and it is said to stand upright on that. theta holds the direction into the wall
     (of any length) and how far along it the plane lies, m.
     """
 
@@ -52,8 +56,7 @@ class Contact(Effect):
         starts = np.arange(SHARES - 1) * scales.duration / SHARES
         nothing = np.zeros_like(starts)
         times = [np.full_like(starts, TIME), starts, starts + 2.0 * scales.duration / SHARES, nothing, nothing]
-        ways = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
-        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        ways = _ways(scales.tip)
         along = scales.tip @ ways.T
         furthest, nearest = along.max(axis=0), along.min(axis=0)
         walls = [
@@ -84,7 +87,7 @@ class Contact(Effect):
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         if _is_wall(theta):
             normal, distance = _plane(theta)
-            return {"where": distance * normal, "force": -float(coefficients[0]) * normal}
+            return {"where": distance * normal + 0.0, "force": -float(coefficients[0]) * normal + 0.0}
         return {"where": np.array(theta[1:3]), "force": np.array(coefficients)}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
@@ -102,6 +105,18 @@ class Contact(Effect):
             plant.walls.append(Wall(normal, distance, float(coefficients[0])))
         else:
             plant.pushes.append(Push(coefficients, float(theta[1]), float(theta[2])))
+
+
+def _ways(tip: Array) -> Array:
+    """(ways, 3) unit vectors in all directions in which the last link, at ``tip`` (samples, 3) m, moves."""
+    _, sizes, axes = np.linalg.svd(tip - tip.mean(axis=0), full_matrices=False)
+    moved = axes[sizes > STILL * sizes[0]] if sizes[0] > 0.0 else axes[:0]
+    ways = np.array(list(product((-1.0, 0.0, 1.0), repeat=3))) @ moved.T @ moved
+    lengths = np.linalg.norm(ways, axis=1)
+    ways = ways[lengths > STILL] / lengths[lengths > STILL, None]
+    # As they come, but for rounding, and none twice.
+    _, first = np.unique(np.round(ways, 9) + 0.0, axis=0, return_index=True)
+    return np.asarray(np.round(ways[np.sort(first)], 12) + 0.0)
 
 
 def _is_wall(theta: Array) -> bool:

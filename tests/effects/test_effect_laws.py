@@ -13,7 +13,7 @@ from scipy.signal import cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
 from config import InputError
-from estimator.effects import Place, Signals, effect
+from estimator.effects import Place, Scales, Signals, effect
 from estimator.effects.backlash import play
 from estimator.effects.presliding import bristle
 from estimator.effects.second_order import resonated, second_order_lag
@@ -104,6 +104,20 @@ def test_a_wall_pushes_back_where_the_arm_is_behind_it(signals: Signals) -> None
         np.testing.assert_allclose(found[sample], pushed[sample], atol=1e-9)
     assert not np.any(found[int(np.argmin(along))])
     assert np.any(found[behind[0]])
+
+
+def test_walls_lean_no_way_that_the_tool_does_not_move(signals: Signals) -> None:
+    """What lies across the plane that the tool moves in would change no torque."""
+    whole = Scales.of([signals], 10.0)
+    flat = replace(whole, tip=whole.tip * [1.0, 0.0, 1.0] + [0.0, 0.3, 0.0])
+    still = replace(whole, tip=np.ones_like(whole.tip))
+    grids = [effect("contact").grid(Place(), scales) for scales in (whole, flat, still)]
+    everywhere, upright, nowhere = ([one[1:4] for one in grid if one[0] == 1.0] for grid in grids)
+    assert np.any(np.array(everywhere)[:, 1])
+    assert 0 < len(upright) < len(everywhere)
+    assert not np.any(np.array(upright)[:, 1])
+    np.testing.assert_allclose(np.linalg.norm(upright, axis=1), 1.0)
+    assert not nowhere
 
 
 def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
