@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
+from scipy.sparse import csr_array
 
 from estimator.recurrence import SEARCH_RATE, RecurrenceSearch, averaged
 from estimator.trajectory import Trajectory
@@ -25,9 +27,9 @@ _SINC_WINDOW = 6.0
 _LONGEST_WINDOW = 4.0
 """s, of the spectra."""
 _EVEN = 0.05
-"""Of a period: more jitter than that, and the channel is interpolated linearly."""
+"""Of a period, by which a sample may be off an even grid: with more, the channel is interpolated linearly."""
 _ON_GRID = 0.01
-"""Of a sample: a shift that needs no interpolation."""
+"""Of a sample: a shift that makes no difference."""
 
 
 @dataclass(frozen=True)
@@ -143,30 +145,43 @@ def pure_error(groups: Sequence[RepeatGroup], times: Sequence[Array], values: Se
 
 def _from(t: Array, x: Array, start: float, rate: float, duration: float) -> tuple[int, Array]:
     """Values at start, start + 1/rate, … as far as they are there; and how many are lacking before the first."""
-    reach = (_SINC_REACH + 2) / rate
-    near = slice(*np.searchsorted(t, [start - reach, start + duration + reach]))
+    wanted = start + np.arange(int(duration * rate) + 1) / rate
+    near = slice(*np.searchsorted(t, wanted[[0, -1]] + np.array([-1.0, 1.0]) * (_SINC_REACH + 2) / rate))
     whole = np.isfinite(x[near]).all(axis=1)
     t, x = t[near][whole], x[near][whole]
-    wanted = start + np.arange(int(duration * rate) + 1) / rate
-    begin = int(np.searchsorted(t, start + 0.5 / rate)) - 1
-    if begin < 0 or np.abs(np.diff(t) * rate - 1.0).max() > _EVEN:
-        inside = (wanted >= t[0]) & (wanted <= t[-1]) if len(t) else np.zeros(len(wanted), dtype=np.bool_)
-        lost = int(np.argmax(inside)) if inside.any() else len(wanted)
-        return lost, np.array([np.interp(wanted[inside], t, column) for column in x.T]).T
-    # The nearest sample, and how far beyond it the playing begins: −½ … ½ of a sample.
-    fraction = (start - t[begin]) * rate
-    end = min(begin + len(wanted), len(x))
-    if abs(fraction) < _ON_GRID:
-        return 0, x[begin:end]
-    first, last = max(begin - _SINC_REACH, 0), min(end + _SINC_REACH, len(x))
-    return max(0, _SINC_REACH - begin), _shifted(x[first:last], fraction)
+    if len(t) < 2:
+        return len(wanted), np.empty((0, x.shape[1]))
+    # Its own period: two recorders' clocks drift by parts of a sample over a motion.
+    period = (t[-1] - t[0]) / (len(t) - 1)
+    place = (wanted - t[0]) / period
+    if np.abs(t - t[0] - period * np.arange(len(t))).max() > _EVEN * period:
+        inside = (place >= 0.0) & (place <= len(t) - 1.0)
+        return _lost(inside), np.array([np.interp(wanted[inside], t, column) for column in x.T]).T
+    nearest = np.rint(place).astype(np.intp)
+    on_grid = np.abs(place - nearest).max() < _ON_GRID
+    reach = 0 if on_grid else _SINC_REACH
+    inside = (nearest >= reach) & (nearest < len(t) - reach)
+    return _lost(inside), x[nearest[inside]] if on_grid else _between(x, place[inside])
 
 
-def _shifted(x: Array, fraction: float) -> Array:
-    """Values ``fraction`` of a sample after each sample that has its neighbours in reach."""
-    offset = np.arange(-_SINC_REACH, _SINC_REACH + 1) - fraction
+def _lost(inside: NDArray[np.bool_]) -> int:
+    return int(np.argmax(inside)) if inside.any() else len(inside)
+
+
+def _between(x: Array, place: Array) -> Array:
+    """Values at each ``place`` (k,), in samples, all of whose neighbours are in reach."""
+    nearest = np.rint(place).astype(np.intp)
+    kernels, half = _kernels(), round(0.5 / _ON_GRID)
+    own = kernels[half + np.rint((place - nearest) / _ON_GRID).astype(np.intp)]
+    neighbours = nearest[:, None] + np.arange(-_SINC_REACH, _SINC_REACH + 1)
+    edges = np.arange(0, own.size + 1, own.shape[1])
+    return np.asarray(csr_array((own.ravel(), neighbours.ravel(), edges), shape=(len(place), len(x))) @ x)
+
+
+@cache
+def _kernels() -> Array:
+    """(fractions, 2·reach + 1) what a value so far beyond a sample, −½ … ½, is made of: a sinc under a Kaiser window."""
+    fractions = np.arange(-round(0.5 / _ON_GRID), round(0.5 / _ON_GRID) + 1) * _ON_GRID
+    offset = np.arange(-_SINC_REACH, _SINC_REACH + 1) - fractions[:, None]
     window = np.i0(_SINC_WINDOW * np.sqrt(1.0 - (offset / (_SINC_REACH + 1.0)) ** 2)) / np.i0(_SINC_WINDOW)
-    kernel = np.sinc(offset) * window
-    if len(x) < len(kernel):
-        return np.empty((0, x.shape[1]))
-    return np.array([np.convolve(column, kernel[::-1], mode="valid") for column in x.T]).T
+    return np.asarray(np.sinc(offset) * window)

@@ -47,11 +47,13 @@ class Played:
 
 @dataclass(frozen=True)
 class Decided:
-    """One scenario that was ambiguous at first. ``last`` judges the answer after all motions."""
+    """One scenario that was ambiguous at first. ``last`` judges the answer after all motions; ``told_beyond``: it was
+    said that no motion decides what is left."""
 
     last: Judgement
     motions: tuple[Played, ...]
     resolved: bool
+    told_beyond: bool
 
     @property
     def rightly(self) -> bool:
@@ -70,20 +72,23 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
         if not _ambiguous(found):
             return None
         motions: list[Played] = []
-        while len(motions) < budget and (chosen := _chosen(found, read, prepared)) is not None:
+        chosen = _chosen(found, read, prepared)
+        while len(motions) < budget and chosen is not None:
             experiment, rivals = chosen
             files += _written(_played(experiment, prepared, len(motions) + 1), plan, prepared, folder, len(files))
             read, found = _diagnosed(files, folder)
             motions.append(Played(experiment.predicted_gap, realised_gap(found, rivals)))
+            chosen = _chosen(found, read, prepared)
         answer = finite(as_json(found, read.notes))
         judgement = judge(prepared.truth, answer, time.perf_counter() - begin)
-        return Decided(judgement, tuple(motions), not _ambiguous(found))
+        resolved = not _ambiguous(found)
+        return Decided(judgement, tuple(motions), resolved, not resolved and chosen is None)
 
 
 def experiment_figures(cases: Sequence[Decided]) -> list[CampaignFigure]:
     """What the study says."""
     resolved, right = sum(case.resolved for case in cases), sum(case.rightly for case in cases)
-    count = len(cases)
+    beyond, count = sum(case.told_beyond for case in cases), len(cases)
     ratios = [m.gap / m.predicted_gap for case in cases for m in case.motions if m.gap is not None]
 
     def share(hits: int) -> float:
@@ -92,6 +97,7 @@ def experiment_figures(cases: Sequence[Decided]) -> list[CampaignFigure]:
     return [
         CampaignFigure("experiments resolve", share(resolved), count, wilson(resolved, count), 0.95),
         CampaignFigure("experiments resolve, nothing wrong named", share(right), count, wilson(right, count)),
+        CampaignFigure("said that no motion decides", share(beyond), count, wilson(beyond, count)),
         CampaignFigure(
             "gap after a designed motion / promised for the worst pair, median",
             float(np.median(ratios)) if ratios else float("nan"),

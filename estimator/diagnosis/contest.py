@@ -37,7 +37,8 @@ class Rival:
     candidates: Indices
     """Among the contest's design."""
     freedom: Array
-    """(candidates,) physical parameters of each: what its support costs is in proportion."""
+    """(candidates,) physical parameters of each: what its support costs is in proportion. Of a law that makes other
+    causes' torques as well, those of the finding: in the place of them all it costs no more than they do."""
 
 
 @dataclass(frozen=True)
@@ -77,26 +78,27 @@ class Contest:
         """Hz at which a planned motion is to be sampled."""
         return 2.0 * self.band * SAMPLES_A_ROW
 
-    def planned(self, t: Array, q: Array, dq: Array, ddq: Array) -> Block:
-        """What a motion sampled at `rate` would add, its torques not known yet: Gram matrices whose last row is zero.
+    def planned(self, t: Array, q: Array, dq: Array, ddq: Array, playings: int = 1) -> Block:
+        """What a motion sampled at `rate` would add, played so many times, its torques not known yet: Gram matrices
+        whose last row is zero.
 
         ``t`` (samples,), ``q, dq, ddq`` (samples, n).
         """
         signals = Signals.of_motion(self.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
-        noise = self._with_rests(signals)
+        noise = self._with_rests(signals, playings)
         rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, noise)
-        return Block(0, rows[0].shape[1], [x @ x.T for x in rows])
+        return Block(0, rows[0].shape[1], [x @ x.T for x in rows]).times(playings)
 
-    def _with_rests(self, signals: Signals) -> Noise:
-        """The noise of a planned motion: a joint that rubs is held by any part of its friction while it stands, so that
-        rests tell little of it."""
+    def _with_rests(self, signals: Signals, playings: int) -> Noise:
+        """The noise of a planned motion: a joint that rubs is held by any part of its friction while it stands, and by
+        the same part in each playing, so that rests tell little of it."""
         turning = dict(self.noise.turning)
         for number, channel in enumerate(self.design.channels):
             held = self._friction(signals, channel)
             if channel.equation == "torque" and held > 0.0:
                 own = turning.get(number, Turning(channel.index, 0.0, 1.0))
-                turning[number] = replace(own, held=held)
+                turning[number] = replace(own, held=np.sqrt(playings) * held)
         return replace(self.noise, turning=turning)
 
     def _friction(self, signals: Signals, channel: Channel) -> float:
@@ -196,11 +198,21 @@ def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypothese
     design, (known,) = part_of(scores.design, [scores.total], chosen)
     rivals, place = [], len(others)
     for number, candidates in zip(hypotheses, own, strict=True):
+        law = scores.design.hypotheses[number]
         freedom = np.array([float(scores.size(int(k))) for k in candidates])
+        if _makes_some(scores, law, others):
+            freedom[:] = min(scores.size(int(k)) for k in own[0])
         here = np.arange(place, place + len(candidates))
-        rivals.append(Rival(scores.design.hypotheses[number], here, freedom))
+        rivals.append(Rival(law, here, freedom))
         place += len(candidates)
     given, bend = design.body, evidence.bend
     body = given if bend is None else given.with_parameters(given.prior() + bend)
     weights, band = scores.weights.copy(), evidence.grid.band
     return Contest(design, len(others), tuple(rivals), known, weights, evidence.noise, band, body)
+
+
+def _makes_some(scores: Scores, law: Hypothesis, others: Sequence[int]) -> bool:
+    """Whether a law makes the torque of some of the other causes as well, as an asymmetric friction does that of a
+    symmetric one beside which an offset was found."""
+    beside = (scores.hypothesis(k) for k in others)
+    return any(h.place == law.place and h.effect.name in {*law.effect.contains, *law.effect.made_with} for h in beside)

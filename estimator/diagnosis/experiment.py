@@ -64,10 +64,10 @@ def design_experiment(
     ``limits`` and ``home`` (n,) are in the order of the contest's body.
     """
     motions = list(family(contest.design.body, limits, home, joints_of(contest), contest.band, seconds, seed))
-    once = [contest.planned(*motion.sampled(contest.rate)) for motion in motions]
     best: Experiment | None = None
     for playings in PLAYINGS:
-        gaps = [contest.expected_gaps(planned.times(playings)) for planned in once]
+        planned = (contest.planned(*motion.sampled(contest.rate), playings) for motion in motions)
+        gaps = [contest.expected_gaps(block) for block in planned]
         found = _best(motions, playings, gaps, len(contest.rivals))
         # Where nothing is decided, the more the better.
         if found is not None and (best is None or found.decided > best.decided or not best.decided):

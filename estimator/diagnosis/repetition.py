@@ -63,7 +63,11 @@ def lay(pieces: Sequence[Stretch], channels: Sequence[Array]) -> Laid:
 
 
 def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Array]:
-    """Rows (playings, rows, channels) of each stretch of each repeated motion that all its playings tell."""
+    """Rows (phases, playings, rows, channels) of each stretch of each repeated motion that all its playings tell.
+
+    The same rows begun half a row later are a second phase: what is near half the rows' rate is seen by one phase where
+    another is blind to it, and a noise of accelerations has most there.
+    """
     result: list[Array] = []
     for group in groups:
         rate, stack = aligned(group, laid.times, laid.values)
@@ -71,39 +75,45 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
             continue
         count, samples, channels = stack.shape
         flat = stack.transpose(1, 0, 2).reshape(samples, count * channels)
-        decimate = Decimator(grid.decimation(1.0 / rate))
+        decimation = grid.decimation(1.0 / rate)
+        decimate, phases = Decimator(decimation), (0, decimation // 2) if decimation > 1 else (0,)
         for run in runs(flat):
-            rows = decimate(flat[run].T)
-            result.append(rows.reshape(count, channels, -1).transpose(0, 2, 1))
+            rows = [decimate(flat[run][first:].T) for first in phases]
+            least = min(own.shape[1] for own in rows)
+            told = np.array([own[:, :least].reshape(count, channels, least) for own in rows])
+            result.append(told.transpose(0, 1, 3, 2))
     return result
 
 
 def repeated_noise(
     rows: Sequence[Array], unseen: Array, exact: Array, left: Sequence[Array] | None = None
 ) -> Noise | None:
-    """Noise from the playings' deviations from their mean, and ``unseen`` (channels, ORDER + 1), the autocovariance of
-    errors that they have in common, of which there are no more than what they have in common; ``exact``, likewise, of
-    what nothing is computed more exactly than. ``left``: the rows without what recurs for another reason, where some is
-    known. None where repeats are too short to tell."""
+    """Noise from the deviations of ``rows`` (`playings`) from their mean, and ``unseen`` (channels, ORDER + 1), the
+    autocovariance of errors that they have in common, of which there are no more than what they have in common;
+    ``exact``, likewise, of what nothing is computed more exactly than. ``left``: the rows without what recurs for
+    another reason, where some is known. None where repeats are too short to tell."""
     if not rows:
         return None
     deviations = [
-        one for stack in rows for one in (stack - stack.mean(axis=0)) * np.sqrt(len(stack) / (len(stack) - 1))
+        one
+        for stack in rows
+        for phase in (stack - stack.mean(axis=1, keepdims=True)) * np.sqrt(stack.shape[1] / (stack.shape[1] - 1))
+        for one in phase
     ]
-    freedom = sum((len(stack) - 1) * stack.shape[1] for stack in rows)
+    freedom = sum((stack.shape[1] - 1) * stack.shape[2] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
     unseen = _within_what_recurs(unseen, rows if left is None else left) + exact
     covariance = autocovariance(deviations) + unseen
     filters = np.array([autoregressive(row, freedom) for row in covariance])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
-    again = sum(stack[..., 0].size for stack in rows) / sum(stack.shape[1] for stack in rows) - 1.0
+    again = sum(stack[0, ..., 0].size for stack in rows) / sum(stack.shape[2] for stack in rows) - 1.0
     share = np.clip(whitened_variance(filters, unseen), 0.0, 1.0)
     return Noise(
         filters=filters,
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=float(freedom),
-        playings=sum(len(stack) for stack in rows),
+        playings=sum(stack.shape[1] for stack in rows),
         news=1.0 / (1.0 + again * share),
     )
 
@@ -114,14 +124,15 @@ def _within_what_recurs(unseen: Array, rows: Sequence[Array]) -> Array:
     recurring, scatter = np.zeros((2, len(unseen), _BANDS))
     bins = np.zeros(_BANDS)
     for stack in rows:
-        count, samples, _ = stack.shape
-        mean = stack.mean(axis=0)
-        # The constant tells nothing: it is one bin, and holds what stands.
-        common, other = (np.abs(np.fft.rfft(x, axis=-2)[..., 1:, :]) ** 2 / samples for x in (mean, stack - mean))
-        own = (common - other.sum(axis=0) / (count * (count - 1))).T
-        recurring += in_bands(own, _BANDS)
-        scatter += in_bands(own**2, _BANDS)
-        bins += in_bands(np.ones(own.shape[1]), _BANDS)
+        phases, count, samples, _ = stack.shape
+        for phase in stack:
+            mean = phase.mean(axis=0)
+            # The constant tells nothing: it is one bin, and holds what stands.
+            common, other = (np.abs(np.fft.rfft(x, axis=-2)[..., 1:, :]) ** 2 / samples for x in (mean, phase - mean))
+            own = (common - other.sum(axis=0) / (count * (count - 1))).T
+            recurring += in_bands(own, _BANDS)
+            scatter += phases * in_bands(own**2, _BANDS)
+            bins += in_bands(np.ones(own.shape[1]), _BANDS)
     most = (np.maximum(recurring, 0.0) + _SURELY * np.sqrt(scatter)) / np.maximum(bins, 1.0)
     density = density_of(unseen, _BANDS)
     return unseen - with_density(density - np.minimum(density, np.where(bins > 0.0, most, np.inf)))

@@ -31,8 +31,8 @@ _BLOCKS = 32
 """Rows either side of a sample within which its error is spread."""
 _MOST = 1e10
 """Of the noise's variance: beside more, it would be lost in rounding."""
-_STANDS = 1e-12
-"""rad, m between two samples of a motion that is planned to stand."""
+_STANDS = 0.01
+"""Of its fastest: slower a joint is as good as standing, held by bristles that have not let go."""
 _NOTHING = 1e-6
 """Of the largest response: rows that a sample's error does not reach."""
 
@@ -73,12 +73,13 @@ def near_turns(q: Array, way: float) -> Array:
 
 
 def standing(q: Array) -> Array:
-    """(samples,) how many samples angles (samples,) stand still for, at each of them; zero where they move.
+    """(samples,) how many samples angles (samples,) as good as stand still for, at each of them; zero where they move.
 
     So many errors of single samples have a mean as unsure as one of them divided by the root of their number: times
     this, their variance is that of an error which they all share.
     """
-    moves = np.concatenate([[True], np.abs(np.diff(q)) > _STANDS, [True]])
+    steps = np.abs(np.diff(q))
+    moves = np.concatenate([[True], steps > _STANDS * steps.max(initial=0.0), [True]])
     # A sample stands that is as the one before it, or the one after.
     begins = np.flatnonzero(moves)
     lengths = np.diff(begins)

@@ -70,7 +70,7 @@ def kinds_by_gap(contested: Contest, limits: MotionLimits, pair: tuple[int, int]
     """The best expected gap of each kind of motion on joint 2 alone, and of the motions of all joints."""
     best: dict[str, float] = {}
     for motion in family(contested.design.body, limits, HOME, [1], contested.band):
-        gaps = contested.expected_gaps(contested.planned(*motion.sampled(contested.rate)).times(2))
+        gaps = contested.expected_gaps(contested.planned(*motion.sampled(contested.rate), 2))
         gap = min(gaps[pair], gaps[pair[::-1]])
         best[motion.kind] = max(best.get(motion.kind, -np.inf), gap)
     return best
@@ -193,7 +193,7 @@ def test_a_wider_law_of_another_joint_is_judged_as_it_was_fitted(arm: RigidBody,
     motion = one_swing([0.5, 0.5, 0.5])
     here, there = (
         (contested := between(scores, evidence, [law[:2], ("asymmetric_friction", place)])).expected_gaps(
-            contested.planned(*motion).times(2)
+            contested.planned(*motion, 2)
         )
         for place in (JOINT, Place(0))
     )

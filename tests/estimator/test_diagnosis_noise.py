@@ -111,7 +111,7 @@ def test_errors_that_recur_are_no_more_than_what_recurs(there: float, least: flo
     """Playings with a noise of variance one each, of which as much again is said to recur: there is that, none of it,
     or more, which is no error."""
     random = np.random.default_rng(2)
-    stacks = [np.sqrt(there) * random.normal(size=(1, 300, 1)) + random.normal(size=(3, 300, 1)) for _ in range(6)]
+    stacks = [np.sqrt(there) * random.normal(size=(1, 1, 300, 1)) + random.normal(size=(1, 3, 300, 1)) for _ in range(6)]
     unseen = np.zeros((1, ORDER + 1))
     unseen[0, 0] = 1.0
     noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
@@ -121,10 +121,10 @@ def test_errors_that_recur_are_no_more_than_what_recurs(there: float, least: flo
 
 def test_a_cause_that_recurs_at_low_frequencies_hides_no_errors_above() -> None:
     random = np.random.default_rng(3)
-    wave = 5.0 * np.sin(2.0 * np.pi * 0.01 * np.arange(600))[None, :, None]
+    wave = 5.0 * np.sin(2.0 * np.pi * 0.01 * np.arange(600))[None, None, :, None]
     unseen = np.zeros((1, ORDER + 1))
     unseen[0, 0] = 1.0
-    stacks = [wave + random.normal(size=(2, 600, 1)) for _ in range(4)]
+    stacks = [wave + random.normal(size=(1, 2, 600, 1)) for _ in range(4)]
     noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
     assert noise is not None
     assert 1.0 < noise.rms[0] ** 2 < 1.35, "a twelfth of the frequencies holds the cause"

@@ -92,8 +92,8 @@ def test_errors_that_all_playings_have_in_common_are_told_once() -> None:
     rows = common + own * random.normal(size=(motions, count, 80, 1))
     unseen = np.zeros((1, ORDER + 1))
     unseen[0, 0] = shared**2
-    noise = repeated_noise(list(rows), unseen, np.zeros_like(unseen))
-    alone = repeated_noise(list(rows - common), *np.zeros((2, *unseen.shape)))
+    noise = repeated_noise(list(rows[:, None]), unseen, np.zeros_like(unseen))
+    alone = repeated_noise(list((rows - common)[:, None]), *np.zeros((2, *unseen.shape)))
     assert noise is not None and alone is not None
     np.testing.assert_allclose(alone.news, 1.0)
     column = random.normal(size=80)
