@@ -1,7 +1,7 @@
 """The same motion again, and what it tells: two playings differ by noise alone, whatever the arm's model lacks.
 
-Their differences are the *pure error*: the noise of a channel without any model of the arm. What an identified model
-leaves beyond it is lack of fit; what it leaves below it cannot be explained by anything.
+Their differences are the noise of a channel without any model of the arm. What an identified model leaves beyond it is
+lack of fit; what it leaves below it cannot be explained by anything.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 from scipy.sparse import csr_array
 
 from estimator.recurrence import SEARCH_RATE, RecurrenceSearch, averaged
@@ -24,8 +23,6 @@ _SINC_REACH = 24
 """Samples either side by which a channel is shifted a fraction of a sample: exact to 0.85 of half the rate."""
 _SINC_WINDOW = 6.0
 """Shape of its Kaiser window."""
-_LONGEST_WINDOW = 4.0
-"""s, of the spectra."""
 _EVEN = 0.05
 """Of a period, by which a sample may be off an even grid: with more, the channel is interpolated linearly."""
 _ON_GRID = 0.01
@@ -49,22 +46,6 @@ class RepeatGroup:
     """s, of each playing."""
     mismatch: Array
     """(n,) rms difference of the angles between the playings and the reference, rad."""
-
-
-@dataclass(frozen=True)
-class PureError:
-    """Noise of one playing's channel, from the differences between playings."""
-
-    variance: Array
-    """(n,) of the channel, its unit squared."""
-    degrees_of_freedom: Array
-    """(n,) behind the variance: fewer than differences where the noise is coloured."""
-    frequency: Array
-    """(m,) Hz, rising from the first that the windows tell."""
-    spectrum: Array
-    """(m, n) one-sided power density, the channel's unit squared per Hz."""
-    playings: int
-    """How many playings the groups have in all."""
 
 
 def find_repeats(trajectories: Sequence[Trajectory]) -> list[RepeatGroup]:
@@ -93,7 +74,9 @@ def aligned(group: RepeatGroup, times: Sequence[Array], values: Sequence[Array])
     """Rate (Hz) and values (playings, samples, n) of a channel over the playings of one motion, laid on each other.
 
     ``times[k]`` (samples,) s and ``values[k]`` (samples, n) are those of trajectory k; the channel may be a measured
-    one, or a residual that exists on other samples. Evenly sampled channels are shifted by parts of a sample with their
+    one, or a residual that exists on other samples. Take a residual of any reasonable model rather than the torque
+    itself where the playings' motions differ a little (`RepeatGroup.mismatch`): what the model makes of that difference
+    is then no noise, and what it lacks cancels. Evenly sampled channels are shifted by parts of a sample with their
     band kept, so that the noise is not smoothed away; jittered ones are interpolated linearly. Samples that some
     playing lacks are cut off the ends.
     """
@@ -108,39 +91,6 @@ def aligned(group: RepeatGroup, times: Sequence[Array], values: Sequence[Array])
     if last - first < 2:
         return rate, np.empty((len(rows), 0, values[0].shape[1]))
     return rate, np.stack([x[first - lost : last - lost] for lost, x in rows])
-
-
-def pure_error(groups: Sequence[RepeatGroup], times: Sequence[Array], values: Sequence[Array]) -> PureError | None:
-    """Variance and spectrum of a channel's noise by the playings' deviations from their mean; None without repeats.
-
-    ``times`` and ``values`` as in `aligned`. Take the residual of any reasonable model rather than the torque itself
-    where the playings' motions differ a little (`RepeatGroup.mismatch`): what the model makes of that difference is
-    then no noise, and what it lacks cancels.
-    """
-    stacks = [(rate, stack) for rate, stack in (aligned(g, times, values) for g in groups) if stack.shape[1] > 16]
-    if not stacks:
-        return None
-    window = min(_LONGEST_WINDOW, *(stack.shape[1] / rate for rate, stack in stacks))
-    frequency = np.arange(1, int(window * min(rate for rate, _ in stacks) / 2.0) + 1) / window
-    freedom, square, power = 0.0, np.zeros(values[0].shape[1]), np.zeros((len(frequency), values[0].shape[1]))
-    duration = 0.0
-    for rate, stack in stacks:
-        count, samples, _ = stack.shape
-        deviation = stack - stack.mean(axis=0)
-        square += np.sum(deviation**2, axis=(0, 1))
-        freedom += (count - 1.0) * samples
-        length = round(window * rate)
-        own, density = welch(deviation, rate, nperseg=length, detrend=False, axis=1, scaling="density")
-        # The mean of the playings takes one part in ``count`` of the noise along.
-        scaled = density.sum(axis=0) / (count - 1.0)
-        share = (count - 1.0) * samples / rate
-        power += share * np.array([np.interp(frequency, own, column) for column in scaled.T]).T
-        duration += share
-    variance, spectrum = square / freedom, power / duration
-    # A variance by a record of noise with spectrum S scatters by (1/T)∫S²df (one-sided).
-    scatter = np.maximum(np.trapezoid(spectrum**2, frequency, axis=0), np.finfo(float).tiny)
-    behind = np.minimum(2.0 * duration * variance**2 / scatter, freedom)
-    return PureError(variance, behind, frequency, spectrum, sum(len(stack) for _, stack in stacks))
 
 
 def _from(t: Array, x: Array, start: float, rate: float, duration: float) -> tuple[int, Array]:
@@ -180,7 +130,7 @@ def _between(x: Array, place: Array) -> Array:
 
 @cache
 def _kernels() -> Array:
-    """(fractions, 2·reach + 1) what a value so far beyond a sample, −½ … ½, is made of: a sinc under a Kaiser window."""
+    """(fractions, 2·reach + 1) of what a value is made −½ … ½ of a sample beyond one: a sinc under a Kaiser window."""
     fractions = np.arange(-round(0.5 / _ON_GRID), round(0.5 / _ON_GRID) + 1) * _ON_GRID
     offset = np.arange(-_SINC_REACH, _SINC_REACH + 1) - fractions[:, None]
     window = np.i0(_SINC_WINDOW * np.sqrt(1.0 - (offset / (_SINC_REACH + 1.0)) ** 2)) / np.i0(_SINC_WINDOW)

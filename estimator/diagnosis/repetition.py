@@ -28,6 +28,8 @@ _LEAST_ROWS = 60
 """Rows of difference that a noise must be judged by."""
 _BANDS = 12
 """Of equal width, up to the highest frequency of the rows."""
+_PHASES = 4
+"""At most, of rows."""
 _SURELY = 2.0
 """Standard errors."""
 
@@ -65,8 +67,8 @@ def lay(pieces: Sequence[Stretch], channels: Sequence[Array]) -> Laid:
 def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Array]:
     """Rows (phases, playings, rows, channels) of each stretch of each repeated motion that all its playings tell.
 
-    The same rows begun half a row later are a second phase: what is near half the rows' rate is seen by one phase where
-    another is blind to it, and a noise of accelerations has most there.
+    The same rows begun a part of a row later are another phase: what is near half the rows' rate is seen by one phase
+    where another is blind to it, and a noise of accelerations has most there.
     """
     result: list[Array] = []
     for group in groups:
@@ -76,7 +78,7 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
         count, samples, channels = stack.shape
         flat = stack.transpose(1, 0, 2).reshape(samples, count * channels)
         decimation = grid.decimation(1.0 / rate)
-        decimate, phases = Decimator(decimation), (0, decimation // 2) if decimation > 1 else (0,)
+        decimate, phases = Decimator(decimation), np.unique(np.arange(_PHASES) * decimation // _PHASES)
         for run in runs(flat):
             rows = [decimate(flat[run][first:].T) for first in phases]
             least = min(own.shape[1] for own in rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -146,10 +147,12 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
 
 
+@pytest.mark.parametrize("crawl", [0.0, 1e-3])
 def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_holds_it(
-    arm: RigidBody, limits: MotionLimits
+    crawl: float, arm: RigidBody, limits: MotionLimits
 ) -> None:
-    """Beside a friction of 0.6 N·m each rest says as much of the joint as one reading with that error."""
+    """Beside a friction of 0.6 N·m each rest says as much of the joint as one reading with that error, however often it
+    is played again, and where the joint crawls by a milliradian a second as well."""
     level, rests = 0.6, 3
     law: Law = ("coulomb_friction", JOINT, {"level": level})
     evidence, scores = gathered(arm, [measured(arm, law, one_swing([0.5, 0.5, 0.5]), seed) for seed in range(2)])
@@ -164,14 +167,42 @@ def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_h
         w = np.pi * np.minimum(t % 4.0, 1.0)
         step = np.floor(t / 4.0)
         q = np.zeros((len(t), 3))
-        q[:, 1] = 0.2 * (step + 0.5 - 0.5 * np.cos(w))
-        planned = contested.planned(t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
+        q[:, 1] = 0.2 * (step + 0.5 - 0.5 * np.cos(w)) + crawl * t
         offset = contested.design.candidates[contested.rivals[0].candidates[0]].columns[0]
         place = contested.design.position[1, offset]
-        information[len(others)] = planned.grams[1][place, place]
-    moving = information[0] / 4.0
-    assert information[1] < moving + 1.5 * rests / level**2
-    assert information[1] > 0.7 * moving
+        for playings in (1, 8):
+            planned = contested.planned(t, q, np.gradient(q, t, axis=0), np.zeros_like(q), playings)
+            information[len(others), playings] = planned.grams[1][place, place]
+    moving = information[0, 1] / 4.0
+    assert information[1, 1] < moving + 1.5 * rests / level**2
+    assert information[1, 1] > 0.7 * moving
+    assert information[0, 8] == pytest.approx(8.0 * information[0, 1])
+    assert information[1, 8] < 8.0 * information[1, 1] - 5.0 * rests / level**2
+
+
+def test_no_motion_tells_an_asymmetric_friction_from_a_symmetric_one_with_an_offset(
+    arm: RigidBody, limits: MotionLimits
+) -> None:
+    """They make the same torque: said beforehand."""
+    laws: list[Law] = [
+        ("coulomb_friction", JOINT, {"level": 0.5}),
+        ("torque_offset", JOINT, {"offset": 0.2}),
+    ]
+    recordings = [measured(arm, laws[0], one_swing([0.5, 0.8, 0.5]), seed) for seed in range(2)]
+    recordings = [replace(r, tau=r.tau + np.array([0.0, 0.2, 0.0])) for r in recordings]
+    evidence, scores = gathered(arm, recordings)
+    known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
+    chosen = []
+    for finding, other in (laws, laws[::-1]):
+        beside = max(np.flatnonzero(scores.owner == known.index(other[:2])), key=scores.gains([]).item)
+        rivals = [known.index(finding[:2]), known.index(("asymmetric_friction", JOINT))]
+        contested = contest(scores, evidence, [beside], rivals)
+        of_finding, of_rival = (rival.freedom for rival in contested.rivals)
+        assert set(of_rival) == {min(of_finding)}, "in the place of both it costs no more than they do"
+        chosen.append(design_experiment(contested, limits, HOME))
+    of_friction, of_offset = chosen
+    assert of_offset is None
+    assert of_friction is None or of_friction.decided == 0, "by no more than how sharply the sign of a speed changes"
 
 
 def test_the_weaker_a_cause_the_more_often_the_motion_is_played(arm: RigidBody, limits: MotionLimits) -> None:

@@ -23,7 +23,9 @@ from estimator.diagnosis.noise import (
     density_of,
     with_density,
 )
-from estimator.diagnosis.repetition import repeated_noise
+from estimator.diagnosis.repetition import Laid, playings, repeated_noise
+from estimator.diagnosis.stretches import Channel, Grid
+from estimator.repeats import Occurrence, RepeatGroup
 
 ROWS = 480
 
@@ -111,7 +113,8 @@ def test_errors_that_recur_are_no_more_than_what_recurs(there: float, least: flo
     """Playings with a noise of variance one each, of which as much again is said to recur: there is that, none of it,
     or more, which is no error."""
     random = np.random.default_rng(2)
-    stacks = [np.sqrt(there) * random.normal(size=(1, 1, 300, 1)) + random.normal(size=(1, 3, 300, 1)) for _ in range(6)]
+    normal = random.normal
+    stacks = [np.sqrt(there) * normal(size=(1, 1, 300, 1)) + normal(size=(1, 3, 300, 1)) for _ in range(6)]
     unseen = np.zeros((1, ORDER + 1))
     unseen[0, 0] = 1.0
     noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
@@ -128,6 +131,23 @@ def test_a_cause_that_recurs_at_low_frequencies_hides_no_errors_above() -> None:
     noise = repeated_noise(stacks, unseen, np.zeros_like(unseen))
     assert noise is not None
     assert 1.0 < noise.rms[0] ** 2 < 1.35, "a twelfth of the frequencies holds the cause"
+
+
+def test_a_noise_at_half_the_rate_of_the_rows_is_seen_wherever_they_begin() -> None:
+    """A wave of half the rows' rate is as large in rows that begin anywhere: some see its crests, some its zeros."""
+    grid = Grid(10.0, (Channel("torque", 0),), np.zeros(1), 5.0)
+    period = 0.014
+    decimation = grid.decimation(period)
+    half = 0.5 / (period * decimation)
+    t = period * np.arange(700)
+    occurrences = tuple(Occurrence(k, 1.0) for k in range(2))
+    group = RepeatGroup(occurrences, 7.0, np.zeros(1))
+    sizes = []
+    for phase in np.linspace(0.0, np.pi, 7):
+        wave = np.sin(2.0 * np.pi * half * t + phase)[:, None]
+        (stack,) = playings([group], grid, Laid([t, t], [wave, np.zeros_like(wave)]))
+        sizes.append(float(np.mean((stack[:, 0, 12:-12] - stack[:, 1, 12:-12]) ** 2)))
+    np.testing.assert_allclose(sizes, np.mean(sizes), rtol=0.02)
 
 
 def test_a_friction_that_recurs_is_no_error_that_recurs(
