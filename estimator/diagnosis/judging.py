@@ -176,18 +176,28 @@ def _refined(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> tuple
     two lines of a spectrum, one that the grid did not hold looks like a third."""
     search = Search(scores)
     kept = search.ordered(chosen)
+    refined = fitted(evidence, scores, kept)
     while True:
-        refined = fitted(evidence, scores, kept)
         beyond = {
             k: _beyond_nothing(refined, number) / SIGNIFICANT
             if scores.recurs(k)
             else max(_beyond_nothing(refined, number), _told(refined, number)) / _NOTHING
             for number, k in enumerate(kept)
         }
-        least = min(beyond, key=lambda k: beyond[k], default=None)
-        if least is None or beyond[least] > 1.0:
+        nothing = sorted((k for k in kept if beyond[k] <= 1.0), key=lambda k: beyond[k])
+        fewer = (search.ordered([k for k in kept if k != least]) for least in nothing)
+        trials = ((trial, fitted(evidence, scores, trial)) for trial in fewer)
+        # Of two slow lines that may have one shape neither is sure of itself; yet both are there if one leaves much.
+        trial = next((one for one in trials if not _left_visible(scores, refined, one[1])), None)
+        if trial is None:
             return kept, refined
-        kept = search.ordered([k for k in kept if k != least])
+        kept, refined = trial
+
+
+def _left_visible(scores: Scores, refined: Refined, fewer: Refined) -> bool:
+    """Whether ``fewer`` causes leave what is seen beside the noise, and is not left by all of them."""
+    more = fewer.model.squares() - refined.model.squares()
+    return bool(np.any(more > VISIBLE * scores.total.rows))
 
 
 def _known(refined: Refined, number: int) -> bool:

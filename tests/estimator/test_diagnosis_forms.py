@@ -72,7 +72,7 @@ def test_a_trifle_that_is_dry_makes_a_viscous_friction_none_that_rises_from_rest
 
     def friction(q: Array, dq: Array) -> Array:
         speed = dq[:, 1]
-        dry = 0.04 * np.sign(speed) * (1.0 + np.exp(-np.abs(speed) / 0.1))
+        dry = 0.015 * np.sign(speed) * (1.0 + np.exp(-np.abs(speed) / 0.1))
         return np.column_stack([np.zeros(len(q)), 2.0 * speed + dry])
 
     (finding,) = diagnose(body, play_twice(body, friction, seconds=10.0)).findings

@@ -151,3 +151,12 @@ def test_the_form_of_a_large_friction_hides_no_cause() -> None:
     assert found["cogging"] == "named"
     assert not judgement.wrong
     assert not judgement.flagged
+
+
+def test_two_slow_lines_of_which_neither_is_sure_of_itself_are_both_there() -> None:
+    """At their best shapes either may be nearly nothing by its own error; one alone leaves the noise once more, and is
+    better told as a spring."""
+    judgement = judged(Plan(2, 34101, "puma600", ("cogging:pulleys",), size=0.8, scatter=0.0, seconds=60.0), in_process)
+    assert judgement.outcomes == ("named",), judgement.sentence
+    assert not judgement.wrong
+    assert not judgement.flagged
