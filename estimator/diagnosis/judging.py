@@ -32,6 +32,8 @@ _NOTHING = 3.0
 anywhere, or a spring of any stiffness, imitates what has another name."""
 _WITHIN = 1.5
 """Standard errors within which a cause has the shape of things of its name."""
+_FORM_AT_MOST = 0.25
+"""Of what is explained at a joint, what a law of a wrong form may leave: half of its torque."""
 _SHARPER = 2
 """Times that a search is made anew with sharper laws."""
 
@@ -185,19 +187,21 @@ def _refined(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> tuple
             for number, k in enumerate(kept)
         }
         nothing = sorted((k for k in kept if beyond[k] <= 1.0), key=lambda k: beyond[k])
-        fewer = (search.ordered([k for k in kept if k != least]) for least in nothing)
-        trials = ((trial, fitted(evidence, scores, trial)) for trial in fewer)
+        fewer = ((least, search.ordered([k for k in kept if k != least])) for least in nothing)
+        trials = ((least, trial, fitted(evidence, scores, trial)) for least, trial in fewer)
         # Of two slow lines that may have one shape neither is sure of itself; yet both are there if one leaves much.
-        trial = next((one for one in trials if not _left_visible(scores, refined, one[1])), None)
+        without = (one[1:] for one in trials if not _needed(scores, one[0], kept, refined, one[2]))
+        trial = next(without, None)
         if trial is None:
             return kept, refined
         kept, refined = trial
 
 
-def _left_visible(scores: Scores, refined: Refined, fewer: Refined) -> bool:
-    """Whether ``fewer`` causes leave what is seen beside the noise, and is not left by all of them."""
-    more = fewer.model.squares() - refined.model.squares()
-    return bool(np.any(more > VISIBLE * scores.total.rows))
+def _needed(scores: Scores, candidate: int, chosen: Sequence[int], refined: Refined, without: Refined) -> bool:
+    """Whether what is left ``without`` a cause is seen beside the noise, and is more than any form of another hides."""
+    seen = np.any(without.model.squares() - refined.model.squares() > VISIBLE * scores.total.rows)
+    hidden = _FORM_AT_MOST * scores.nats_there(candidate, list(chosen))
+    return bool(seen) and refined.explained - without.explained > hidden
 
 
 def _known(refined: Refined, number: int) -> bool:

@@ -31,5 +31,5 @@ def test_a_cause_within_three_standard_errors_of_nothing_falls(
     play = best("backlash", 1, [friction])
     shaped = fitted(evidence, scores, [friction, play])
     number = [scores.owner[k] for k in (friction, play)].index(scores.owner[play])
-    assert 1.5 < _beyond_nothing(shaped, number) < 3.0
+    assert 1.0 < _beyond_nothing(shaped, number) < 3.0
     assert _refined(evidence, scores, [friction, play])[0] == [friction]
