@@ -33,6 +33,8 @@ _MOST = 1e10
 """Of the noise's variance: beside more, it would be lost in rounding."""
 _STANDS = 0.01
 """Of its fastest: slower a joint is as good as standing, held by bristles that have not let go."""
+_ROUNDING = 1e-12
+"""rad, m between two samples of a joint that is planned to stand throughout."""
 _NOTHING = 1e-6
 """Of the largest response: rows that a sample's error does not reach."""
 
@@ -79,7 +81,7 @@ def standing(q: Array) -> Array:
     this, their variance is that of an error which they all share.
     """
     steps = np.abs(np.diff(q))
-    moves = np.concatenate([[True], steps > _STANDS * steps.max(initial=0.0), [True]])
+    moves = np.concatenate([[True], steps > max(_STANDS * steps.max(initial=0.0), _ROUNDING), [True]])
     # A sample stands that is as the one before it, or the one after.
     begins = np.flatnonzero(moves)
     lengths = np.diff(begins)

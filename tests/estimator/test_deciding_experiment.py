@@ -17,6 +17,7 @@ from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experimen
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
 from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.turning import standing
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.excitation import MotionLimits
 
@@ -178,6 +179,14 @@ def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_h
     assert information[1, 1] > 0.7 * moving
     assert information[0, 8] == pytest.approx(8.0 * information[0, 1])
     assert information[1, 8] < 8.0 * information[1, 1] - 5.0 * rests / level**2
+
+
+def test_a_joint_that_stands_throughout_does_so_but_for_rounding() -> None:
+    random = np.random.default_rng(0)
+    still = 1.2 + 2e-16 * random.integers(-1, 2, 200)
+    assert set(standing(still)) == {200.0}
+    going = np.concatenate([np.full(50, 0.3), 0.3 + 0.01 * np.arange(150)])
+    np.testing.assert_array_equal(standing(going), np.repeat([51.0, 0.0], [51, 149]))
 
 
 def test_no_motion_tells_an_asymmetric_friction_from_a_symmetric_one_with_an_offset(
