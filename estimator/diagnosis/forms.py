@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from estimator.diagnosis.maps import MEMORY, Map
 from estimator.diagnosis.scores import Scores
-from estimator.effects import Law
 
 FORM = 0.01
 """Of the explainable: a law's form is exact to a tenth of its torque, and less than that has no name of its own."""
@@ -17,20 +16,25 @@ _GOES_WITH = ("speed", MEMORY)
 
 
 def forms_of(scores: Scores, chosen: Sequence[int]) -> list[int]:
-    """Candidates for the forms of dry frictions among the chosen: maps of what these are functions of, and Coulomb's
-    law at other shapes, where they explain less beside them than any form is exact to.
+    """Candidates for the forms of dry frictions among the chosen, where they explain less beside them than any form is
+    exact to: bristles that are told as Coulomb's friction (`Law.mends_below`), and beside those, maps of what a
+    friction is a function of, and Coulomb's law at other shapes.
 
     A friction of twenty times the noise is known to a twentieth of itself at best, which is as large as the noise: what
     goes with the speed of its joint, or with the way since reversals, is no more than that, and what goes with nothing
-    of the kind is judged beside it.
+    of the kind is judged beside it. How a joint turns round is between the laws: part of its friction goes with the
+    sign of its speed, and part with the travel.
     """
     result: list[int] = []
     for place in dict.fromkeys(scores.hypothesis(k).place for k in chosen if scores.hypothesis(k).effect.dry):
-        here = [k for k in range(len(scores.owner)) if scores.hypothesis(k).place == place]
-        forms = [k for k in here if k not in chosen and _of_friction(scores.hypothesis(k).effect)]
+        here = [k for k in range(len(scores.owner)) if scores.hypothesis(k).place == place and k not in chosen]
         dry = next(k for k in chosen if scores.hypothesis(k).place == place)
-        if scores.nats([*chosen, *forms]) - scores.nats(chosen) < _OF_FRICTION * scores.nats_there(dry, chosen):
-            result += forms
+        whole, beside = scores.nats_there(dry, chosen), list(chosen)
+        for kind, exact in ((_bristles, FORM), (_of_friction, _OF_FRICTION)):
+            forms = [k for k in here if kind(scores, k)]
+            if scores.nats([*beside, *forms]) - scores.nats(beside) < exact * whole:
+                beside += forms
+        result += beside[len(chosen) :]
     return result
 
 
@@ -39,8 +43,15 @@ def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
     return [*chosen, *forms_of(scores, chosen)]
 
 
-def _of_friction(effect: Law) -> bool:
+def _bristles(scores: Scores, candidate: int) -> bool:
+    """Whether it is a law of so little travel that it mends the form of what it contains."""
+    below = scores.hypothesis(candidate).effect.mends_below
+    return below > 0.0 and bool(scores.design.candidates[candidate].theta[0] <= below)
+
+
+def _of_friction(scores: Scores, candidate: int) -> bool:
     """Whether it is any function of what a friction goes with, or dry friction itself."""
+    effect = scores.hypothesis(candidate).effect
     if isinstance(effect, Map):
         return effect.quantity in _GOES_WITH and not effect.of_neighbour
     return effect.name == "coulomb_friction"
