@@ -153,6 +153,13 @@ def test_the_form_of_a_large_friction_hides_no_cause() -> None:
     assert not judgement.flagged
 
 
+def test_how_a_joint_turns_round_is_no_unknown() -> None:
+    """Friction of twenty times the noise goes partly with the sign of the speed and partly with the travel."""
+    result = judged(Plan(2, 34801, "dda", ("link_inertia",), 0.8, 0.02, 24.0, friction=20.0), in_process)
+    assert not result.wrong, result.sentence
+    assert not result.flagged, result.sentence
+
+
 def test_two_slow_lines_of_which_neither_is_sure_of_itself_are_both_there() -> None:
     """At their best shapes either may be nearly nothing by its own error; one alone leaves the noise once more, and is
     better told as a spring."""
