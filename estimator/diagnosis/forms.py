@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from estimator.diagnosis.maps import MEMORY, Map
 from estimator.diagnosis.scores import Scores
@@ -16,31 +16,39 @@ _GOES_WITH = ("speed", MEMORY)
 
 
 def forms_of(scores: Scores, chosen: Sequence[int]) -> list[int]:
-    """Candidates for the forms of dry frictions among the chosen, where they explain less beside them than any form is
-    exact to: bristles that are told as Coulomb's friction (`Law.mends_below`), and beside those, maps of what a
-    friction is a function of, and Coulomb's law at other shapes.
+    """Candidates for the forms of dry frictions among the chosen: maps of what these are functions of, and Coulomb's
+    law at other shapes, where they explain less beside them than any form is exact to.
 
     A friction of twenty times the noise is known to a twentieth of itself at best, which is as large as the noise: what
     goes with the speed of its joint, or with the way since reversals, is no more than that, and what goes with nothing
-    of the kind is judged beside it. How a joint turns round is between the laws: part of its friction goes with the
-    sign of its speed, and part with the travel.
+    of the kind is judged beside it.
     """
+    return _forms(scores, chosen, ((_of_friction, _OF_FRICTION),))
+
+
+def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
+    """The chosen with the forms of their frictions (`forms_of`), and with bristles that are told as Coulomb's friction
+    (`Law.mends_below`): how a joint turns round is between the laws, part of its friction goes with the sign of its
+    speed, and part with the travel. In a search those stand for themselves, lest other laws mend what they do."""
+    return [*chosen, *_forms(scores, chosen, ((_bristles, FORM), (_of_friction, _OF_FRICTION)))]
+
+
+def _forms(
+    scores: Scores, chosen: Sequence[int], kinds: Sequence[tuple[Callable[[Scores, int], bool], float]]
+) -> list[int]:
+    """Candidates of each kind in turn at the places of dry frictions, where they explain less, beside the chosen and
+    those before, than the share of the explained there that a form is exact to."""
     result: list[int] = []
     for place in dict.fromkeys(scores.hypothesis(k).place for k in chosen if scores.hypothesis(k).effect.dry):
         here = [k for k in range(len(scores.owner)) if scores.hypothesis(k).place == place and k not in chosen]
         dry = next(k for k in chosen if scores.hypothesis(k).place == place)
         whole, beside = scores.nats_there(dry, chosen), list(chosen)
-        for kind, exact in ((_bristles, FORM), (_of_friction, _OF_FRICTION)):
+        for kind, exact in kinds:
             forms = [k for k in here if kind(scores, k)]
             if scores.nats([*beside, *forms]) - scores.nats(beside) < exact * whole:
                 beside += forms
         result += beside[len(chosen) :]
     return result
-
-
-def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
-    """The chosen with the forms of their frictions (`forms_of`)."""
-    return [*chosen, *forms_of(scores, chosen)]
 
 
 def _bristles(scores: Scores, candidate: int) -> bool:
