@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.answer import Finding, Unexplained
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.forms import FORM, beside_forms
+from estimator.diagnosis.forms import FORM, beside_forms, forms_of
 from estimator.diagnosis.lack_of_fit import misfits
 from estimator.diagnosis.refinement import Refined
 from estimator.diagnosis.ringing import ringing
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.torques import torque_channels
 from estimator.effects import catalogue
+
+Array = NDArray[np.float64]
 
 SIGNIFICANT = 3.5
 """Standard errors by which a residual must exceed the noise to be called unexplained, and a cause nothing."""
@@ -33,19 +38,49 @@ def unexplained_by(
     that one part of the motions alone shows, or as by one at a shape that makes it ``nameless``. What goes with a
     quantity and is not left by causes that are as good, ``instead`` of the chosen, has their names. What is a matter of
     a friction's form (`beside_forms`) has none of its own."""
-    rows = scores.total.rows
-    before = scores.model([]).squares() / rows
-    as_formed = beside_forms(scores, chosen)
-    formed = (scores.model(chosen).squares() - scores.model(as_formed).squares()) / rows
-    after = refined.model.squares() / rows - formed
-    found = misfits(scores, as_formed)
+    result = _beside(beside_forms, evidence, scores, refined, chosen, instead)
+    # Forms excuse: what fewer of them leave nothing of is not told for what stands out beside more.
+    told = _beside(_beside_fewer, evidence, scores, refined, chosen, instead)
+    result = {joint: left for joint, left in result.items() if joint in told}
+    refused = Admission(scores).one_sided(chosen) if evidence.noise.playings else None
+    if refused is not None:
+        explained = scores.explained([refused], chosen)
+        channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
+        name = scores.hypothesis(refused).effect.name.replace("_", " ")
+        before, after = _variances(scores, refined, chosen, beside_forms(scores, chosen))
+        share = float(
+            explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error)
+        )
+        left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
+        if share > FORM:
+            result.setdefault(evidence.grid.channels[channel].index, left)
+    return result | without_name(nameless)
+
+
+def _beside_fewer(scores: Scores, chosen: Sequence[int]) -> list[int]:
+    return [*chosen, *forms_of(scores, chosen)]
+
+
+def _beside(
+    forms: Callable[[Scores, Sequence[int]], list[int]],
+    evidence: Evidence,
+    scores: Scores,
+    refined: Refined,
+    chosen: list[int],
+    instead: Sequence[Sequence[int]],
+) -> dict[int, Unexplained]:
+    """By joint, what is beyond the noise as a whole, or as a function of one quantity, beside the chosen and their
+    ``forms``."""
+    formed = forms(scores, chosen)
+    before, after = _variances(scores, refined, chosen, formed)
+    found = misfits(scores, formed)
     result = {}
     for channel in torque_channels(evidence.design):
         joint = evidence.grid.channels[channel].index
         misfit = found[channel]
         # An assumed noise has an assumed colour: within it no pattern is more than that.
         told = misfit.told and (evidence.noise.playings > 0 or after[channel] > 1.0)
-        told = told and all(misfits(scores, beside_forms(scores, others))[channel].told for others in instead)
+        told = told and all(misfits(scores, forms(scores, others))[channel].told for others in instead)
         # A noise that is less than it was taken for is at most what such a pattern leaves.
         noise = min(1.0, after[channel] - misfit.variance if told else after[channel])
         left = after[channel] - noise
@@ -54,18 +89,14 @@ def unexplained_by(
             result[joint] = Unexplained(
                 share, _signature(scores, misfit.candidate) if told else _of_time(evidence, refined, channel)
             )
-    refused = Admission(scores).one_sided(chosen) if evidence.noise.playings else None
-    if refused is not None:
-        explained = scores.explained([refused], chosen)
-        channel = max(torque_channels(evidence.design), key=lambda k: explained[k])
-        name = scores.hypothesis(refused).effect.name.replace("_", " ")
-        share = float(
-            explained[channel] / max(before[channel] - after[channel] + explained[channel], scores.noise_error)
-        )
-        left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
-        if share > FORM:
-            result.setdefault(evidence.grid.channels[channel].index, left)
-    return result | without_name(nameless)
+    return result
+
+
+def _variances(scores: Scores, refined: Refined, chosen: list[int], formed: list[int]) -> tuple[Array, Array]:
+    """(channels,) of the residual before the chosen, and after them as they are ``formed``, of the noise's."""
+    rows = scores.total.rows
+    of_forms = scores.model(chosen).squares() - scores.model(formed).squares()
+    return scores.model([]).squares() / rows, (refined.model.squares() - of_forms) / rows
 
 
 def _of_time(evidence: Evidence, refined: Refined, channel: int) -> str:

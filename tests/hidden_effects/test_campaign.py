@@ -160,6 +160,13 @@ def test_how_a_joint_turns_round_is_no_unknown() -> None:
     assert not result.flagged, result.sentence
 
 
+def test_what_fewer_forms_excuse_is_not_told_beside_more() -> None:
+    """What Stribeck's friction leaves goes with the speed beside its bristles alone."""
+    kinds = ("stribeck_friction", "viscous_friction")
+    result = judged(Plan(9, 34303, "puma600", kinds, 1.0, 0.05, 24.0, friction=1.5), in_process)
+    assert not result.flagged, result.sentence
+
+
 def test_two_slow_lines_of_which_neither_is_sure_of_itself_are_both_there() -> None:
     """At their best shapes either may be nearly nothing by its own error; one alone leaves the noise once more, and is
     better told as a spring."""
