@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 0.002
 """Family-wise probability of a false alarm that a step may have: far below the one in twenty that is promised, since it
 is worked out from a noise that is itself estimated, and a diagnosis takes several steps."""
+INSTEAD = 0.05
+"""Likewise, of what takes the place of a cause that has less: that there is something was asked of that one."""
 _LEAST_SHARE = 0.04
 """Of the explainable that is left in its channels, what a cause must explain."""
 _REST = 10.0
@@ -43,18 +45,18 @@ class Admission:
         self.scores = scores
         self.design = scores.design
 
-    def admitted(self, candidate: int, chosen: list[int]) -> bool:
+    def admitted(self, candidate: int, chosen: list[int], false_alarm: float = FALSE_ALARM) -> bool:
         """Whether a cause may join those already chosen. The dearest questions last: a fit to each fold, and columns
         made anew."""
-        return self.borne_out(candidate, chosen) and self.recurs(candidate, chosen)
+        return self.borne_out(candidate, chosen, false_alarm) and self.recurs(candidate, chosen)
 
-    def borne_out(self, candidate: int, chosen: list[int]) -> bool:
+    def borne_out(self, candidate: int, chosen: list[int], false_alarm: float = FALSE_ALARM) -> bool:
         """Whether a cause is beyond chance, no trifle, told apart, and borne out by rows left out."""
         gain = float(self.scores.gains(chosen)[candidate])
         return (
-            self._sound(candidate, gain, chosen)
+            self._sound(candidate, gain, chosen, false_alarm)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
-            and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen))
+            and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen), false_alarm)
         )
 
     def recurs(self, candidate: int, chosen: list[int]) -> bool:
@@ -67,11 +69,12 @@ class Admission:
         dry = self.scores.hypothesis(candidate).effect.dry
         return self.scores.recurring(candidate, chosen) / (_SLOWLY if dry else RECURRING)
 
-    def _sound(self, candidate: int, gain: float, chosen: list[int]) -> bool:
-        return self._no_chance(candidate, gain) and self._matters(candidate, chosen) and self._apart(candidate, chosen)
+    def _sound(self, candidate: int, gain: float, chosen: list[int], false_alarm: float = FALSE_ALARM) -> bool:
+        beyond_chance = self._no_chance(candidate, gain, false_alarm)
+        return beyond_chance and self._matters(candidate, chosen) and self._apart(candidate, chosen)
 
-    def _no_chance(self, candidate: int, gain: float) -> bool:
-        return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, FALSE_ALARM)
+    def _no_chance(self, candidate: int, gain: float, false_alarm: float) -> bool:
+        return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, false_alarm)
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and

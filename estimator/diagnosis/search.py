@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.admission import INSTEAD, Admission
 from estimator.diagnosis.borne_out import BORNE_OUT
 from estimator.diagnosis.design import Candidate
 from estimator.diagnosis.forms import forms_of
@@ -121,16 +121,25 @@ class Search:
     def _steps(self, chosen: list[int]) -> Iterator[list[int]]:
         """What the model may become by one more cause, the best supported first; nothing when none is supported."""
         ranked = [row for row in self.scores.ranked(chosen) if int(self.scores.owner[row[0]]) not in self._fallen]
+        refused: list[int] = []
         tries = _TRIED
         for candidate, _, supported in ranked:
             if tries == 0 or supported <= 0.0:
                 return
             if not self.admission.borne_out(candidate, chosen):
                 tries -= 1
+                refused.append(candidate)
             elif self.admission.recurs(candidate, chosen):
                 tries -= 1
-                grown = [*chosen, candidate]
+                grown = [*chosen, self._sooner(candidate, refused, chosen)]
                 yield self.pruned(self._merged(self._simplified(grown), self._joint(candidate)))
+
+    def _sooner(self, admitted: int, refused: Sequence[int], chosen: list[int]) -> int:
+        """A better supported cause of the same place that a little more chance would have been let in for, or the one
+        that was admitted: that there is something, this one shows."""
+        place = self.scores.hypothesis(admitted).place
+        here = (k for k in refused if self.scores.hypothesis(k).place == place)
+        return next((k for k in here if self.admission.admitted(k, chosen, INSTEAD)), admitted)
 
     def _simplified(self, chosen: list[int]) -> list[int]:
         """Replaces an effect by special cases of it, or by what it can be made with, when they are as well

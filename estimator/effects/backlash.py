@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.transmission import ON_LINK, ON_MOTOR, SHARES, Transmission
+from estimator.effects.transmission import IN_THE_LINK, ON_LINK, ON_MOTOR, SHARES, Transmission
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft, Series
 
@@ -29,7 +29,9 @@ class Backlash(JointEffect):
         encoder on the link:   the motor spends J·δ'' more, and flies ahead by the torque that it has
 
     theta is the gap, the motor's share of the joint's inertia and the encoder's side; the coefficient is the gap too,
-    as the factor on what the column has per unit."""
+    as the factor on what the column has per unit. A URDF's bodies are the links alone, those of a model that was
+    identified hold the rotors too: both are tried for an encoder on the motor, for the gap is told too small by the
+    rotor's share where that is taken for the link's."""
 
     name = "backlash"
     units: ClassVar = {"gap": "rad"}
@@ -39,7 +41,7 @@ class Backlash(JointEffect):
     experiment = "reverse {joint} where gravity loads it, and where it does not"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        at_motor = [[gap, 0.0, ON_MOTOR] for gap in GAPS]
+        at_motor = [[gap, share, ON_MOTOR] for gap in GAPS for share in (0.0, *IN_THE_LINK)]
         at_link = [[gap, SHARES[k % len(SHARES)], ON_LINK] for k, gap in enumerate(GAPS)]
         return np.array(at_motor + at_link)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.second_order import second_order_lag, swing
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.transmission import ON_LINK, ON_MOTOR, SHARES, Transmission
+from estimator.effects.transmission import IN_THE_LINK, ON_LINK, ON_MOTOR, SHARES, Transmission
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft, Series
 
@@ -21,8 +21,6 @@ TO_BAND = (0.3, 1.0, 3.0, 10.0)
 """Resonances to try, as multiples of the band in which torques are compared."""
 RATIOS = (0.03, 0.3)
 """Damping ratios to try."""
-IN_THE_LINK = (0.3, 0.6)
-"""Of the joint's own inertia, the motor's part to try where the encoder is on it, beside none."""
 
 
 class JointElasticity(JointEffect):

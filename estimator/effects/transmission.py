@@ -16,6 +16,9 @@ ON_MOTOR, ON_LINK = 0.0, 1.0
 SHARES = (0.1, 0.5)
 """Of the joint's own inertia, the motor's part to try: a recording of the link alone hardly tells it."""
 
+IN_THE_LINK = (0.3, 0.6)
+"""Of the joint's own inertia, the motor's part to try where the encoder is on it, beside none."""
+
 
 @dataclass(frozen=True)
 class Transmission:

@@ -167,6 +167,14 @@ def test_what_fewer_forms_excuse_is_not_told_beside_more() -> None:
     assert not result.flagged, result.sentence
 
 
+def test_a_gap_before_a_link_that_holds_the_rotor_too_has_its_width() -> None:
+    """A third of the joint's inertia is the motor's: taken for the link's, the gap is a third too narrow."""
+    judgement = judged(Plan(5, 34810, "seven", ("backlash",), 1.5, 0.0, 40.0), in_process)
+    assert judgement.outcomes == ("named",), judgement.sentence
+    (gap,) = (p for p in judgement.parameters if p.name == "gap")
+    assert abs(gap.error) < 0.1 * gap.truth
+
+
 def test_two_slow_lines_of_which_neither_is_sure_of_itself_are_both_there() -> None:
     """At their best shapes either may be nearly nothing by its own error; one alone leaves the noise once more, and is
     better told as a spring."""
