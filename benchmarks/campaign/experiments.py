@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.campaign.arms import true_arm
 from benchmarks.campaign.campaign import TACHOMETERS
 from benchmarks.campaign.finding import TOPIC
-from benchmarks.campaign.judging import Judgement, judge
+from benchmarks.campaign.judging import Judgement, judge, undecided
 from benchmarks.campaign.motions import RATE_HZ, REST_S, Playlist
 from benchmarks.campaign.plans import Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
@@ -69,7 +69,8 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
         files = _written([run for run in first if not run.motion.startswith(HELD_OUT)], plan, prepared, folder, 0)
         begin = time.perf_counter()
         read, found = _diagnosed(files, folder)
-        if not _ambiguous(found):
+        answer = finite(as_json(found, read.notes))
+        if not undecided(prepared.truth, answer):
             return None
         motions: list[Played] = []
         chosen = _chosen(found, read, prepared)
@@ -77,11 +78,11 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
             experiment, rivals = chosen
             files += _written(_played(experiment, prepared, len(motions) + 1), plan, prepared, folder, len(files))
             read, found = _diagnosed(files, folder)
+            answer = finite(as_json(found, read.notes))
             motions.append(Played(experiment.predicted_gap, realised_gap(found, rivals)))
             chosen = _chosen(found, read, prepared)
-        answer = finite(as_json(found, read.notes))
         judgement = judge(prepared.truth, answer, time.perf_counter() - begin)
-        resolved = not _ambiguous(found)
+        resolved = not undecided(prepared.truth, answer)
         return Decided(judgement, tuple(motions), resolved, not resolved and chosen is None)
 
 

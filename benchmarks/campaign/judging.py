@@ -91,11 +91,7 @@ def judge(truth: Truth, answer: Mapping[str, Any], seconds: float) -> Judgement:
     rightful = frozenset().union(*(cause.answers for cause in inside))
     excused = truth.excused.union(*(cause.excused for cause in truth.causes))
     named = [_named(finding) for finding in findings if finding["status"] == "named"]
-    sets = [
-        frozenset({_named(finding), *(_named(other) for other in finding["alternatives"])})
-        for finding in findings
-        if finding["status"] == "ambiguous"
-    ]
+    sets = _sets(findings)
     return Judgement(
         truth=truth,
         verdict=str(answer["verdict"]),
@@ -108,6 +104,21 @@ def judge(truth: Truth, answer: Mapping[str, Any], seconds: float) -> Judgement:
         seconds=seconds,
         sentence=f"{_told_truth(truth)} → {_told_answer(answer)}",
     )
+
+
+def undecided(truth: Truth, answer: Mapping[str, Any]) -> bool:
+    """Whether an ambiguous set of the ``answer`` holds names that do not all mean the same thing, and right: a rotor
+    and the inertia of the first link are told apart by no motion."""
+    return any(not any(one <= cause.answers for cause in truth.causes) for one in _sets(answer["findings"]))
+
+
+def _sets(findings: Sequence[Mapping[str, Any]]) -> list[frozenset[Named]]:
+    """Each ambiguous finding with its alternatives."""
+    return [
+        frozenset({_named(finding), *(_named(other) for other in finding["alternatives"])})
+        for finding in findings
+        if finding["status"] == "ambiguous"
+    ]
 
 
 def _named(finding: Mapping[str, Any]) -> Named:

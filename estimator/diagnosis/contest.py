@@ -142,15 +142,15 @@ class Contest:
         return result
 
     def _against_typical(self, block: Block, rival: Rival) -> float | None:
-        """nats by which data speak against a rival beside the finding, where it contains that, at the same place, and
-        its usual form is known."""
+        """nats by which data speak against a rival beside the finding, where it has the form of a plainer law that the
+        finding is, or contains, at the same place, and its usual form is known."""
         finding = self.rivals[0]
-        if rival.hypothesis.place != finding.hypothesis.place:
+        if rival is finding or rival.hypothesis.place != finding.hypothesis.place:
             return None
         own = self._best(finding).columns
         model = Conditional(Weighted(self.design, block, self.weights), np.concatenate([self.active, own]))
         shapes = [self.design.candidates[k].columns for k in rival.candidates]
-        return against_typical(model, finding.hypothesis.effect, int(own[0]), rival.hypothesis.effect, shapes)
+        return against_typical(model, finding.hypothesis.effect, own, rival.hypothesis.effect, shapes)
 
     def _best(self, rival: Rival) -> Candidate:
         """A rival's candidate that the data so far support best."""

@@ -57,8 +57,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             gap = 0.0 if untold else mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
-            if (usual := _against_usual_of_contained(scores, candidate, chosen, k)) is not None:
-                gap = min(gap, max(usual, 0.0))
+            usual = _against_usual(scores, candidate, chosen, k) if scores.hypothesis(k).place == place else None
+            gap = gap if usual is None else min(gap, max(usual, 0.0))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
             gap = _for_several(admission, candidate, k, chosen, gap)
         result.append(Alternative(k, gap))
@@ -81,7 +81,7 @@ def _for_several(admission: Admission, candidate: int, rival: int, chosen: list[
         return min(gap, freedom - more)
     # A law of which the motion shows a part alone may have no more freedom than those it contains.
     chance = AMBIGUOUS + 0.5 * float(chi2.isf(_ONE_IN, max(freedom, 1))) - more
-    typical = _against_usual(scores, candidate, chosen, candidate, rival)
+    typical = _against_usual(scores, candidate, chosen, rival)
     bent = _shapes(scores, rival) > _shapes(scores, candidate)
     if typical is not None and (chance > AMBIGUOUS or _a_form(scores, candidate, chosen, instead, more, bent)):
         return typical
@@ -105,7 +105,7 @@ def told_as(
         if scores.owner[other.candidate] == scores.owner[plain]:
             continue
         usual = [
-            _against_usual(scores, standing, there, plain, other.candidate)
+            _against_usual(scores, standing, there, other.candidate)
             for standing, there in ((candidate, chosen), (plain, instead))
             if admission.contained(plain, other.candidate)
         ]
@@ -115,24 +115,12 @@ def told_as(
     return tuple(sorted(result, key=lambda other: other.gap))
 
 
-def _against_usual(scores: Scores, candidate: int, chosen: list[int], plain: int, rival: int) -> float | None:
-    """nats that speak against what a rival usually has beside a plainer law, for which a chosen candidate stands."""
-    law, wide = (scores.hypothesis(k).effect for k in (plain, rival))
+def _against_usual(scores: Scores, candidate: int, chosen: list[int], rival: int) -> float | None:
+    """nats that speak against what a rival usually has beside the plainer law that a chosen candidate is, or
+    contains."""
+    law, wide = (scores.hypothesis(k).effect for k in (candidate, rival))
     shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
-    column = int(scores.design.candidates[candidate].columns[0])
-    return against_typical(scores.model(chosen), law, column, wide, shapes)
-
-
-def _against_usual_of_contained(scores: Scores, candidate: int, chosen: list[int], rival: int) -> float | None:
-    """The same (`_against_usual`) where what was chosen contains the plainer law itself, and not the rival: bristles
-    beside which a friction may rise from rest as it does beside Coulomb's. None where there is no such law."""
-    own, wide = (scores.hypothesis(k) for k in (candidate, rival))
-    names = set(own.effect.contains) & set(wide.effect.typical) if own.place == wide.place else set()
-    laws = enumerate(scores.design.hypotheses)
-    plain = [number for number, law in laws if law.place == own.place and law.effect.name in names]
-    if not plain:
-        return None
-    return _against_usual(scores, candidate, chosen, int(np.flatnonzero(scores.owner == plain[0])[0]), rival)
+    return against_typical(scores.model(chosen), law, scores.design.candidates[candidate].columns, wide, shapes)
 
 
 def _with_all_parts(admission: Admission, rival: int, chosen: list[int]) -> list[int]:

@@ -16,25 +16,30 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def against_typical(model: Conditional, plain: Law, column: int, wide: Law, shapes: Sequence[Indices]) -> float | None:
-    """nats by which they speak against what the ``wide`` law usually has beside the plain one (`Law.typical`), whose
-    coefficient is the model's unknown ``column``; None where that is not known, or the plain one not in the model.
+def against_typical(
+    model: Conditional, law: Law, columns: Indices, wide: Law, shapes: Sequence[Indices]
+) -> float | None:
+    """nats by which they speak against what the ``wide`` law usually has beside the plain one (`Law.typical`), which
+    the ``law`` that was found is, or contains: bristles beside which a friction may rise from rest as it does beside
+    Coulomb's. None where that is not known, or the law not in the model.
 
-    ``shapes``: the columns (c,) of the wide law's candidates, which are as likely as each other. What data are too poor
-    to show, they do not speak against.
+    ``columns``: the law's unknowns in the model. ``shapes``: the columns (c,) of the wide law's candidates, which are
+    as likely as each other. What data are too poor to show, they do not speak against.
     """
-    typical = wide.typical.get(plain.name)
-    place = np.flatnonzero(model.active == column)
-    if typical is None or not place.size:
+    plain = next((name for name in (law.name, *law.contains) if name in wide.typical), None)
+    places = [int(own) for k in law.levels for own in np.flatnonzero(model.active == columns[k])]
+    if plain is None or not places:
         return None
-    (own,) = place
+    typical = wide.typical[plain]
+    # Of a friction that drifts the larger level is the one that is known.
+    own = max(places, key=lambda k: abs(float(model.value[k])))
     level, told = float(model.value[own]), 1.0 / float(model.covariance[own, own])
     usual = np.array(typical)
     either = [usual, -usual] if np.min(usual) < 0.0 else [usual]
     against = []
-    for columns in shapes:
-        matrix, score, _ = model.left_of(columns)
-        taken = model.covariance[own] @ model.told.of_active(model.active, columns)
+    for shape in shapes:
+        matrix, score, _ = model.left_of(shape)
+        taken = model.covariance[own] @ model.told.of_active(model.active, shape)
         ways = []
         for way in either:
             # The plain law alone has taken a part of what stands beside it: its level is less beside it.

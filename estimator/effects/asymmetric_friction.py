@@ -30,6 +30,7 @@ class AsymmetricFriction(JointEffect):
     }
     hidden = (0,)
     confused_with = ("torque_offset", "stribeck_friction")
+    levels = (0, 1)
     contains = ("coulomb_friction", "viscous_friction")
     made_with = ("torque_offset",)
     typical: ClassVar = {"coulomb_friction": (0.4, -0.4, 0.0, 0.0), "viscous_friction": (0.0, 0.0, 0.4, -0.4)}

@@ -90,6 +90,8 @@ class Law(ABC):
     mends_below: ClassVar[float] = 0.0
     """With a first theta below, it differs from what it contains in form alone: where it explains little more than
     that, it stands for a form that the plainer law has not, and is told as that law. Zero: never."""
+    levels: ClassVar[tuple[int, ...]] = (0,)
+    """Coefficients of which one or the other is that of the plainer law that it is, or contains (`typical`)."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     told_by_repeats: ClassVar[bool] = False

@@ -32,6 +32,7 @@ class FrictionDrift(JointEffect):
     hidden = (1,)
     named_for = (0, 1)
     confused_with = ("torque_offset", "coulomb_friction")
+    levels = (0, 1)
     contains = ("coulomb_friction",)
     told_by_repeats = True
     seen_against = "t"

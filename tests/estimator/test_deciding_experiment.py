@@ -148,6 +148,26 @@ def test_a_form_that_is_not_seen_is_sought_as_large_as_it_usually_is(arm: RigidB
     assert behind(again, "asymmetric_friction") == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
 
 
+def test_a_rise_from_rest_is_sought_beside_bristles_as_beside_the_friction_that_they_make(
+    arm: RigidBody, limits: MotionLimits
+) -> None:
+    """In their stead a Stribeck friction is refuted long since, and what is open is whether it stands beside them."""
+    law: Law = ("presliding", JOINT, {"stiffness": 20.0, "level": 0.3})
+    so_far = [measured(arm, law, one_swing([0.5, 0.1, 0.5]), seed) for seed in range(2)]
+    evidence, scores = gathered(arm, so_far)
+    contested = between(scores, evidence, [law[:2], ("stribeck_friction", JOINT)])
+    before = contested.support(contested.known)
+    assert before[0] - before[1] > 10.0
+    assert behind(scores, "stribeck_friction", law[0]) < AMBIGUOUS
+    chosen = design_experiment(contested, limits, HOME)
+    assert chosen is not None
+    assert chosen.gaps[0, 1] == pytest.approx(chosen.gaps[1, 0])
+    after = [measured(arm, law, chosen.motion.sampled(RATE), seed) for seed in range(7, 7 + chosen.playings)]
+    _, again = gathered(arm, [*so_far, *after])
+    scatter = np.sqrt(2.0 * chosen.predicted_gap)
+    assert behind(again, "stribeck_friction", law[0]) == pytest.approx(chosen.predicted_gap, abs=2.0 * scatter)
+
+
 @pytest.mark.parametrize("crawl", [0.0, 1e-3])
 def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_holds_it(
     crawl: float, arm: RigidBody, limits: MotionLimits
@@ -241,11 +261,11 @@ def test_a_wider_law_of_another_joint_is_judged_as_it_was_fitted(arm: RigidBody,
     assert there[0, 1] != there[1, 0]
 
 
-def behind(scores: Scores, name: str) -> float:
-    """nats by which a law of the joint is behind its Coulomb friction."""
+def behind(scores: Scores, name: str, finding: str = "coulomb_friction") -> float:
+    """nats by which a law of the joint is behind the one that was found."""
     own = [k for k, h in enumerate(map(scores.hypothesis, range(len(scores.owner)))) if h.place == JOINT]
-    coulomb = max((k for k in own if scores.hypothesis(k).effect.name == "coulomb_friction"), key=scores.gains([]).item)
-    beside = rivals(Admission(scores), coulomb, [coulomb])
+    found = max((k for k in own if scores.hypothesis(k).effect.name == finding), key=scores.gains([]).item)
+    beside = rivals(Admission(scores), found, [found])
     return next(r.gap for r in beside if r.candidate in own and scores.hypothesis(r.candidate).effect.name == name)
 
 

@@ -279,6 +279,30 @@ def test_what_speaks_against_a_usual_form_is_the_misfit_of_that_form(
         matrix = np.vstack([np.vstack([rows[:given], last]).T, np.eye(given, given + 1)])
         return 0.5 * float(np.linalg.lstsq(matrix, np.append(residual, np.zeros(given)), rcond=None)[1][0])
 
-    found = against_typical(model, plain, given, law, [columns])
+    found = against_typical(model, plain, np.array([given]), law, [columns])
     best = min(misfit(rows[given] + sign * usual @ rows[columns]) for sign in signs)
     assert found == pytest.approx(best - misfit(rows[given]), rel=1e-6)
+
+
+def test_a_usual_form_goes_with_the_larger_level_of_a_friction_that_drifts(make_chain: Callable[..., RigidBody]) -> None:
+    """A joint that rubs hardly at first rises from rest by what it rubs later."""
+    body, random = make_chain("r"), np.random.default_rng(6)
+    base, given = base_parameters(body), base_parameters(body).rank + 1
+    law, rise = catalogue()["stribeck_friction"], np.arange(given + 2, given + 5)
+    rows = random.normal(size=(given + 5, 300))
+    residual = rows.T @ np.array([*np.zeros(given), 0.01, 0.4, 0.0, 0.0, 0.0]) + 0.1 * random.normal(size=300)
+    free = np.full(3, np.inf)
+    candidates = (
+        Candidate(0, np.zeros(0), np.array([given, given + 1]), (0,), -free[:2], free[:2]),
+        Candidate(1, np.zeros(0), rise, (0,), -free, free),
+    )
+    reached = (np.arange(base.rank),)
+    design = Design(body, base, (Channel("torque", 0),), (), candidates, np.eye(given), reached)
+    whole = np.vstack([rows, residual])
+    model = Conditional(Weighted(design, Block(0, 300, [whole @ whole.T]), np.ones(1)), np.arange(given + 2))
+    against = {
+        name: against_typical(model, catalogue()[name], np.array(columns), law, [rise])
+        for name, columns in (("friction_drift", [given, given + 1]), ("coulomb_friction", [given + 1]))
+    }
+    assert against["friction_drift"] == against["coulomb_friction"]
+    assert against["friction_drift"] is not None and against["friction_drift"] > 3.0
