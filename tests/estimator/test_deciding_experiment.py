@@ -234,6 +234,30 @@ def test_no_motion_tells_an_asymmetric_friction_from_a_symmetric_one_with_an_off
     assert of_friction is None or of_friction.decided == 0, "by no more than how sharply the sign of a speed changes"
 
 
+def test_no_motion_is_given_for_a_viscous_friction_that_stands_beside_an_offset(
+    arm: RigidBody, limits: MotionLimits
+) -> None:
+    """A friction that is larger one way makes all three, and may be viscous alike both ways: as larger one way as
+    joints usually are, at speed, it would be told from the viscous one alone."""
+    laws: list[Law] = [
+        ("viscous_friction", JOINT, {"coefficient": 0.8}),
+        ("coulomb_friction", JOINT, {"level": 0.5}),
+        ("torque_offset", JOINT, {"offset": 0.2}),
+    ]
+    motion = one_swing([0.5, 0.8, 0.5])
+    signals = Signals.of_motion(arm, *motion)
+    more = sum(effect(name).torque(place, parameters, signals) for name, place, parameters in laws[1:])
+    so_far = [measured(arm, laws[0], motion, seed) for seed in range(2)]
+    evidence, scores = gathered(arm, [replace(r, tau=r.tau + more) for r in so_far])
+    known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
+    first, rival = known.index(laws[0][:2]), known.index(("asymmetric_friction", JOINT))
+    beside = [max(np.flatnonzero(scores.owner == known.index(law[:2])), key=scores.gains([]).item) for law in laws[1:]]
+    alone = design_experiment(contest(scores, evidence, beside[:1], [first, rival]), limits, HOME)
+    assert alone is not None and alone.decided == 1
+    chosen = design_experiment(contest(scores, evidence, beside, [first, rival]), limits, HOME)
+    assert chosen is None or chosen.decided == 0
+
+
 def test_the_weaker_a_cause_the_more_often_the_motion_is_played(arm: RigidBody, limits: MotionLimits) -> None:
     playings = []
     for level in (0.5, 0.12):

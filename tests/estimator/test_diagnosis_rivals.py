@@ -284,7 +284,9 @@ def test_what_speaks_against_a_usual_form_is_the_misfit_of_that_form(
     assert found == pytest.approx(best - misfit(rows[given]), rel=1e-6)
 
 
-def test_a_usual_form_goes_with_the_larger_level_of_a_friction_that_drifts(make_chain: Callable[..., RigidBody]) -> None:
+def test_a_usual_form_goes_with_the_larger_level_of_a_friction_that_drifts(
+    make_chain: Callable[..., RigidBody],
+) -> None:
     """A joint that rubs hardly at first rises from rest by what it rubs later."""
     body, random = make_chain("r"), np.random.default_rng(6)
     base, given = base_parameters(body), base_parameters(body).rank + 1
