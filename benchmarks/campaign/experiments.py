@@ -17,7 +17,7 @@ from benchmarks.campaign.finding import TOPIC
 from benchmarks.campaign.judging import Judgement, judge, undecided
 from benchmarks.campaign.motions import RATE_HZ, REST_S, Playlist
 from benchmarks.campaign.plans import Plan
-from benchmarks.campaign.playing import Run, as_recorded, play
+from benchmarks.campaign.playing import Run, as_recorded, play, read_off
 from benchmarks.campaign.scenario import Prepared, prepare
 from benchmarks.campaign.sealing import HELD_OUT, write_run
 from benchmarks.campaign.tally import CampaignFigure, wilson
@@ -26,6 +26,7 @@ from config.motion.curves import RestToRest
 from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.experiment import Experiment, design_experiment
+from estimator.diagnosis.experiment_motions import ExperimentMotion
 from service.answers import finite
 from service.diagnosis.experimenting import between, realised_gap
 from service.diagnosis.json_answer import as_json
@@ -67,8 +68,9 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
         prepared = prepare(plan, folder / "arm.urdf")
         first = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
         files = _written([run for run in first if not run.motion.startswith(HELD_OUT)], plan, prepared, folder, 0)
+        drives_off: list[Path] = []
         begin = time.perf_counter()
-        read, found = _diagnosed(files, folder)
+        read, found = _diagnosed(files, drives_off, folder)
         answer = finite(as_json(found, read.notes))
         if not undecided(prepared.truth, answer):
             return None
@@ -76,8 +78,14 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
         chosen = _chosen(found, read, prepared)
         while len(motions) < budget and chosen is not None:
             experiment, rivals = chosen
-            files += _written(_played(experiment, prepared, len(motions) + 1), plan, prepared, folder, len(files))
-            read, found = _diagnosed(files, folder)
+            if experiment.drives_off_s is not None:
+                seconds = experiment.drives_off_s
+                off = read_off(prepared.installation, prepared.hidden, seconds, prepared.seed + len(motions) + 1)
+                drives_off = _written([off], plan, prepared, folder, len(files) + len(drives_off))
+            elif experiment.motion is not None:
+                runs = _played(experiment.motion, experiment.playings, prepared, len(motions) + 1)
+                files += _written(runs, plan, prepared, folder, len(files) + len(drives_off))
+            read, found = _diagnosed(files, drives_off, folder)
             answer = finite(as_json(found, read.notes))
             motions.append(Played(experiment.predicted_gap, realised_gap(found, rivals)))
             chosen = _chosen(found, read, prepared)
@@ -111,9 +119,10 @@ def _ambiguous(found: Diagnosis) -> list[Finding]:
     return [finding for finding in found.findings if finding.contest is not None]
 
 
-def _diagnosed(files: Sequence[Path], folder: Path) -> tuple[ReadRecordings, Diagnosis]:
-    read = read_recordings(files, (), str(folder / "arm.urdf"), {}, TOPIC, lambda stage, share: None)
-    return read, diagnose(read.body, read.trajectories)
+def _diagnosed(files: Sequence[Path], drives_off: Sequence[Path], folder: Path) -> tuple[ReadRecordings, Diagnosis]:
+    urdf = str(folder / "arm.urdf")
+    read = read_recordings(files, (), urdf, {}, TOPIC, lambda stage, share: None, drives_off=drives_off)
+    return read, diagnose(read.body, read.trajectories, drives_off=read.drives_off)
 
 
 def _chosen(
@@ -130,10 +139,10 @@ def _chosen(
     return max(designed, key=lambda one: one[0].predicted_gap, default=None)
 
 
-def _played(experiment: Experiment, prepared: Prepared, number: int) -> list[Run]:
+def _played(motion: ExperimentMotion, playings: int, prepared: Prepared, number: int) -> list[Run]:
     """The motion played on the plant, from home to its start before each playing."""
     home = np.array(prepared.installation.arm.home_rad)
-    t, q, dq, ddq = experiment.motion.sampled(RATE_HZ)
+    t, q, dq, ddq = motion.sampled(RATE_HZ)
     rest = round(REST_S * RATE_HZ)
     pad = ((rest, rest), (0, 0))
     there = SampledMotion(
@@ -141,7 +150,7 @@ def _played(experiment: Experiment, prepared: Prepared, number: int) -> list[Run
         np.pad(q, pad, mode="edge"), np.pad(dq, pad), np.pad(ddq, pad), f"experiment-{number}",
     )  # fmt: skip
     motions = {"experiment": there, "to": _way(home, q[0], "to"), "back": _way(q[-1], q[0], "back")}
-    order = ("to", "experiment", *("back", "experiment") * (experiment.playings - 1))
+    order = ("to", "experiment", *("back", "experiment") * (playings - 1))
     runs = play(prepared.installation, prepared.hidden, Playlist(motions, order), prepared.seed + number)
     return [run for run in runs if run.motion == "experiment"]
 

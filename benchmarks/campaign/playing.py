@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from benchmarks.campaign.motions import Playlist
+from benchmarks.campaign.motions import RATE_HZ, Playlist
 from config import Installation
 from virtual_hw.hidden import HiddenMechanics
 from virtual_hw.plant import build_plant
@@ -66,6 +66,22 @@ def play(installation: Installation, hidden: HiddenMechanics, playlist: Playlist
             before = after
         runs.append(Run(name, begin + motion.t, q, dq, tau))
     return runs
+
+
+def read_off(installation: Installation, hidden: HiddenMechanics, seconds: float, seed: int) -> Run:
+    """The arm at home with its drives off, held by its brakes, at the plant's own rate, as the drives measure it."""
+    plant = build_plant(installation, hidden, seed)
+    joints = installation.joint
+    scale = [j.encoder.sign * 2.0 * np.pi / j.encoder.counts_per_turn for j in joints]
+    count, still, brakes = round(seconds * RATE_HZ), [0.0] * plant.n, [True] * plant.n
+    q, dq, tau = (np.empty((count, plant.n)) for _ in range(3))
+    for k in range(count):
+        plant.advance(still, brakes)
+        q[k] = [scale[i] * plant.counts(i) + joints[i].encoder.zero_rad for i in range(plant.n)]
+        dq[k] = [plant.velocity(i) for i in range(plant.n)]
+        tau[k] = [plant.torque(i) for i in range(plant.n)]
+    t = np.arange(count) / RATE_HZ
+    return Run("drives-off", t, q, dq, tau)
 
 
 def as_recorded(run: Run, installation: Installation, rng: Generator, every: int, jitter_s: float) -> Run:

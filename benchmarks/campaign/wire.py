@@ -39,7 +39,7 @@ def sealed_over_the_wire(plan: Plan, folder: Path) -> tuple[Question, Envelope]:
     prepared = prepare(plan, question / "arm.urdf")
     with tempfile.TemporaryDirectory(prefix="etude-wire-") as place, brought_up(prepared, Path(place)) as run:
         motions = {
-            name: _motion_file(Path(place), motion, prepared) for name, motion in prepared.playlist.motions.items()
+            name: motion_file(Path(place), motion, prepared) for name, motion in prepared.playlist.motions.items()
         }
         with DaemonClient(run, prepared.installation.arm.name) as daemon:
             for number, motion in enumerate(prepared.playlist.order, 1):
@@ -107,7 +107,7 @@ def _value(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def _motion_file(folder: Path, motion: SampledMotion, prepared: Prepared) -> Path:
+def motion_file(folder: Path, motion: SampledMotion, prepared: Prepared) -> Path:
     """The motion as a path in a CSV file and the motion file that names it."""
     joints = prepared.installation.joint_names
     kept = np.unique(np.append(np.arange(0, len(motion.t), int(RATE_HZ / PATH_HZ)), len(motion.t) - 1))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.borne_out import BORNE_OUT
+from estimator.diagnosis.drives_off import OffReading
 from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
@@ -94,7 +95,7 @@ class Admission:
         """Whether these data can tell a candidate from those already chosen, and all of them keep their limits."""
         if any(self.scores.alike(candidate, k, _TOLD_APART) or self._excluded(candidate, k) for k in chosen):
             return False
-        return not self.beyond_limits([*chosen, candidate], slack=2.0)
+        return not self.beyond_limits([*chosen, candidate], slack=2.0) and not self.read_otherwise(candidate, chosen)
 
     def _excluded(self, candidate: int, chosen: int) -> bool:
         """Whether what was chosen leaves no room for a candidate."""
@@ -115,6 +116,31 @@ class Admission:
         """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
         own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
         return own.place == other.place and own.effect.name in other.effect.contains
+
+    def read_otherwise(self, candidate: int, chosen: Sequence[int]) -> bool:
+        """Whether a candidate stands for an offset that was read with the drives off: a spring whose centre is far
+        away, or a line as slow. It is no better supported than the offset would be that motions alone tell."""
+        own = self.scores.hypothesis(candidate)
+        alike = {*own.effect.contains, *own.effect.looks_like}
+        if self.design.reading is None or own.effect.read_off or own.place.joint is None:
+            return False
+        for k, other in enumerate(self.design.candidates):
+            law = self.design.hypotheses[other.hypothesis]
+            if law.effect.read_off and law.effect.name in alike and law.place == own.place and k not in chosen:
+                supported = float(self.scores.gains(chosen)[candidate]) - self.scores.penalty([candidate])
+                return supported <= self._supported_unread(k, own.place.joint, self.design.reading, chosen)
+        return False
+
+    def _supported_unread(self, offset: int, joint: int, reading: OffReading, chosen: Sequence[int]) -> float:
+        """Support of a joint's offset beside those that were chosen, by the motions alone."""
+        own = self.design.candidates[offset]
+        told, score, _ = self.scores.model(chosen).left_of(own.columns)
+        read = float(self.scores.weights[list(own.channels)].sum()) / reading.error[joint] ** 2
+        energy = float(told[0, 0]) - read
+        if energy <= 0.0:
+            return -np.inf
+        product = float(score[0]) - read * float(reading.offset[joint])
+        return float(0.5 * product**2 / energy - self.scores.penalty([offset]))
 
     def beyond_limits(self, chosen: list[int], slack: float) -> list[int]:
         """Candidates of which a coefficient is beyond its limits by more than ``slack`` standard errors."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.conditional import Conditional, Group, groups_of
-from estimator.diagnosis.design import Candidate, Design, Hypothesis, candidate_columns, stretch_rows
+from estimator.diagnosis.design import Candidate, Design, Hypothesis, candidate_columns, read_rows, stretch_rows
+from estimator.diagnosis.drives_off import RECORDING, expected_reading
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, part_of, total
 from estimator.diagnosis.noise import Noise
@@ -89,6 +90,12 @@ class Contest:
         noise = self._with_rests(signals, playings)
         rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, noise)
         return Block(0, rows[0].shape[1], [x @ x.T for x in rows]).times(playings)
+
+    def planned_reading(self, seconds: float) -> Block:
+        """What so many seconds with the drives off would add, as `planned` has it."""
+        torques = [k for k, channel in enumerate(self.design.channels) if channel.equation == "torque"]
+        rows = read_rows(self.design, expected_reading(self.noise, torques, seconds, self.band))
+        return Block(RECORDING, 1, [x @ x.T for x in rows])
 
     def _with_rests(self, signals: Signals, playings: int) -> Noise:
         """The noise of a planned motion: a joint that rubs is held by any part of its friction while it stands, and by

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
+from estimator.diagnosis.drives_off import OffReading
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Channel, Stretch
 from estimator.diagnosis.turning import settled
@@ -73,6 +74,8 @@ class Design:
     """(given, given) inverse covariance of the deviations that are allowed: the given model's tolerance."""
     reached: tuple[Indices, ...]
     """For each channel the base parameters that enter it."""
+    reading: OffReading | None = None
+    """Of the torques with the drives off, where there is one."""
 
     @property
     def given(self) -> int:
@@ -117,7 +120,14 @@ class Design:
             renumbered.append(replace(c, columns=columns))
             place += len(columns)
         return Design(
-            self.body, self.base, self.channels, self.hypotheses, tuple(renumbered), self.precision, self.reached
+            self.body,
+            self.base,
+            self.channels,
+            self.hypotheses,
+            tuple(renumbered),
+            self.precision,
+            self.reached,
+            self.reading,
         )
 
 
@@ -194,6 +204,22 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
         sink.take(residual[None])
         sink.filter()
     return [sink.rows for sink in sinks]
+
+
+def read_rows(design: Design, reading: OffReading) -> list[Array]:
+    """For each channel (members + 1, 1): what the torques read with the drives off, in its standard errors. Of all that
+    a design holds, the offsets alone are there."""
+    rows = [np.zeros((len(members) + 1, 1)) for members in design.members]
+    for own, channel in zip(rows, design.channels, strict=True):
+        if channel.equation == "torque":
+            own[-1] = reading.offset[channel.index] / reading.error[channel.index]
+    for candidate in design.candidates:
+        hypothesis = design.hypotheses[candidate.hypothesis]
+        if hypothesis.effect.read_off and hypothesis.place.joint is not None:
+            (channel_in,) = candidate.channels
+            places = design.position[channel_in][candidate.columns]
+            rows[channel_in][places] = 1.0 / reading.error[hypothesis.place.joint]
+    return rows
 
 
 class _Sink:

@@ -41,15 +41,17 @@ def diagnose(
     trajectories: Sequence[Trajectory],
     hold_out: Sequence[Trajectory] = (),
     tolerance: float = 0.05,
+    drives_off: Sequence[Trajectory] = (),
 ) -> Diagnosis:
     """Names what the given model gets wrong.
 
     ``tolerance``: relative standard deviation to which the model's inertial parameters are believed. ``hold_out``:
-    recordings on which the gain is measured; without them, data left out in turn.
+    recordings on which the gain is measured; without them, data left out in turn. ``drives_off``: recordings at rest
+    with the drives off, whose torques are their offsets.
     Raises InputError for recordings that cannot be judged.
     """
     own = with_speeds_of_their_own(trajectories)
-    judged = judge(gather(body, own, tolerance))
+    judged = judge(gather(body, own, tolerance, drives_off))
     evidence, scores, refined, findings = judged.evidence, judged.scores, judged.named, judged.findings
     chosen = list(judged.chosen)
     given, body = body, evidence.design.body
@@ -108,7 +110,7 @@ def _held_out(
         whitened = sum_up(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
         whole = total(plain)
         before = residual_power(design, whole, np.zeros(design.size))
-        after = left_out_power(design, scores.weights, whitened, plain, evidence.folds.motions)
+        after = left_out_power(design, scores.weights, whitened, plain, evidence.folds.motions[: len(plain)])
     variance = evidence.noise.likely[chosen] ** 2
     freedom = evidence.noise.degrees_of_freedom or np.inf
     least = SIGNIFICANT * np.sqrt((2.0 / whole.rows + 2.0 / freedom) * len(chosen))
@@ -157,6 +159,9 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
         notes.append(
             "the model has no masses: its links are those that fit these recordings, and no cause is sought there"
         )
+    if (reading := evidence.design.reading) is not None and reading.silent:
+        silent = ", ".join(given.joints[k] for k in reading.silent)
+        notes.append(f"the drives of {silent} measure nothing while they are off: their offsets are not read")
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

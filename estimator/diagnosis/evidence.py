@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.drives_off import expected_reading, read_off
 from estimator.diagnosis.first_body import first_body, has_bodies
 from estimator.diagnosis.first_look import first_look, with_turns
 from estimator.diagnosis.folds import Folds, folds_of, parts_of
@@ -61,11 +62,15 @@ class Evidence:
     """(10·n,) by which the links differ from the given ones of whose torques laws are made; None: they do not."""
 
 
-def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float) -> Evidence:
-    """One pass over the recordings.
+def gather(
+    body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float, drives_off: Sequence[Trajectory] = ()
+) -> Evidence:
+    """One pass over the recordings; ``drives_off``: those in which the drives are off.
 
-    Raises InputError when no recording has a gapless stretch that is long enough.
+    Raises InputError when no recording has a gapless stretch that is long enough, or one was not made with the drives
+    off.
     """
+    reading = read_off(body, drives_off) if drives_off else None
     given, body = body, first_body(body, trajectories)
     grid = make_grid(body, trajectories)
     pieces = cut(body, grid, trajectories)
@@ -83,7 +88,7 @@ def gather(body: RigidBody, trajectories: Sequence[Trajectory], tolerance: float
     scales = replace(scales, tau=np.sqrt(mean_power(pieces)[: body.n]))
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)
-    design = make_design(body, base, grid.channels, hypotheses, scales, precision)
+    design = replace(make_design(body, base, grid.channels, hypotheses, scales, precision), reading=reading)
     unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
     slow = partial(cut, body, grid.slower(), trajectories)
@@ -119,6 +124,9 @@ def weighed(
     # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be.
     noise = repeated_noise(rows, unseen, exact, playings(repeats, grid, lay(pieces, look.left))) or noise
     noise = with_turns(look, pieces, decimations, noise)
+    if design.reading is not None:
+        expected = expected_reading(noise, range(design.body.n), design.reading.seconds, grid.band)
+        design = replace(design, reading=design.reading.no_better_than(expected))
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

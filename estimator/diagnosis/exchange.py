@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from estimator.diagnosis.design import Design, candidate_rows, stretch_rows
+from estimator.diagnosis.design import Design, candidate_rows, read_rows, stretch_rows
 from estimator.diagnosis.grams import Block
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Grid, Stretch
@@ -52,6 +52,9 @@ class Exchange:
             for channel, rows in zip(candidate.channels, own, strict=True):
                 parts[channel].append(rows)
         whole = [np.concatenate([*own, rows[-1:]]) for own, rows in zip(parts, given, strict=True)]
+        if design.reading is not None:
+            # What is read with the drives off has no motion whose errors it could answer to.
+            whole = [np.hstack(both) for both in zip(whole, read_rows(design, design.reading), strict=True)]
         return Block(0, whole[0].shape[1], [x @ x.T for x in whole])
 
     def _rows(self, key: tuple[float, ...], make: Callable[[Stretch, int, Noise], list[Array]]) -> list[Array]:

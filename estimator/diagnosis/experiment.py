@@ -1,4 +1,5 @@
-"""Which motion decides between the hypotheses that recordings leave: T-optimal within an arm's limits."""
+"""What decides between the hypotheses that recordings leave: a motion, T-optimal within an arm's limits, or a reading
+of the torques with the drives off."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.contest import Contest
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
+from estimator.diagnosis.grams import Block
 from estimator.excitation.limits import MotionLimits
 
 Array = NDArray[np.float64]
@@ -22,22 +24,30 @@ UNDECIDED = 3.0
 """nats: pairs of which no motion promises more are beyond what the limits allow to tell."""
 PLAYINGS = (2, 4, 8)
 """Times that a motion may be played: what differs between two is noise, and more make it smaller."""
+READ_OFF_S = 15.0
+"""Of a reading with the drives off, for each playing that a motion would have in its place."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """The chosen motion, and what it promises.
+    """The chosen motion, or reading with the drives off, and what it promises.
 
     ``gaps`` (rivals, rivals): nats by which the column's rival will be behind the row's if the row's is the truth.
-    ``told`` lists the pairs that some motion within the limits tells apart; ``alike`` those that none does.
+    ``told`` lists the pairs that something within the limits tells apart; ``alike`` those that nothing does.
     """
 
-    motion: ExperimentMotion
+    motion: ExperimentMotion | None
+    """None: the torques are to be read with the drives off."""
     playings: int
-    """Times that it is to be played."""
+    """Times that the motion is to be played."""
     gaps: Array
     told: tuple[tuple[int, int], ...]
     alike: tuple[tuple[int, int], ...]
+
+    @property
+    def drives_off_s(self) -> float | None:
+        """s for which the torques are to be read with the drives off; None for a motion."""
+        return READ_OFF_S * self.playings if self.motion is None else None
 
     @property
     def predicted_gap(self) -> float:
@@ -59,15 +69,18 @@ def design_experiment(
     contest: Contest, limits: MotionLimits, home: Array, seconds: float = 15.0, seed: int = 0
 ) -> Experiment | None:
     """The motion of the family that leaves fewest pairs of rivals undecided, and of those the one whose worst pair is
-    told apart best; as few playings of it as leave so few; None when no motion within the limits tells any pair apart.
+    told apart best; as few playings of it as leave so few. A reading with the drives off in its place, where there is
+    none yet, and it leaves as few. None when nothing within the limits tells any pair apart.
 
     ``limits`` and ``home`` (n,) are in the order of the contest's body.
     """
-    motions = list(family(contest.design.body, limits, home, joints_of(contest), contest.band, seconds, seed))
+    family_of = family(contest.design.body, limits, home, joints_of(contest), contest.band, seconds, seed)
+    motions: list[ExperimentMotion | None] = list(family_of)
+    if contest.design.reading is None:
+        motions.append(None)
     best: Experiment | None = None
     for playings in PLAYINGS:
-        planned = (contest.planned(*motion.sampled(contest.rate), playings) for motion in motions)
-        gaps = [contest.expected_gaps(block) for block in planned]
+        gaps = [contest.expected_gaps(_planned(contest, motion, playings)) for motion in motions]
         found = _best(motions, playings, gaps, len(contest.rivals))
         # Where nothing is decided, the more the better.
         if found is not None and (best is None or found.decided > best.decided or not best.decided):
@@ -77,7 +90,15 @@ def design_experiment(
     return best
 
 
-def _best(motions: Sequence[ExperimentMotion], playings: int, gaps: Sequence[Array], rivals: int) -> Experiment | None:
+def _planned(contest: Contest, motion: ExperimentMotion | None, playings: int) -> Block:
+    if motion is None:
+        return contest.planned_reading(READ_OFF_S * playings)
+    return contest.planned(*motion.sampled(contest.rate), playings)
+
+
+def _best(
+    motions: Sequence[ExperimentMotion | None], playings: int, gaps: Sequence[Array], rivals: int
+) -> Experiment | None:
     pairs = list(combinations(range(rivals), 2))
     most = {pair: max((pair_gap(own, pair) for own in gaps), default=0.0) for pair in pairs}
     told = tuple(pair for pair in pairs if most[pair] > UNDECIDED)
@@ -85,7 +106,8 @@ def _best(motions: Sequence[ExperimentMotion], playings: int, gaps: Sequence[Arr
         return None
     alike = tuple(pair for pair in pairs if pair not in told)
     designed = [Experiment(motion, playings, own, told, alike) for motion, own in zip(motions, gaps, strict=True)]
-    return max(designed, key=lambda one: (one.decided, one.predicted_gap))
+    # Where it decides as much, what moves nothing comes first.
+    return max(designed, key=lambda one: (one.decided, one.motion is None and one.decided > 0, one.predicted_gap))
 
 
 def joints_of(contest: Contest) -> tuple[int, ...]:

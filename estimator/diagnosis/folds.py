@@ -7,6 +7,7 @@ import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
+from estimator.diagnosis.drives_off import RECORDING
 from estimator.diagnosis.grams import Block, Sheet
 from estimator.repeats import RepeatGroup
 
@@ -50,11 +51,13 @@ def folds_of(blocks: Sequence[Block | Sheet], recordings: int, groups: Sequence[
     Where playings are shorter than a block, parts are blocks of neighbouring rows, each alone: the repeats of such a
     motion cannot be kept out.
     """
-    motion = motions(recordings, groups)
+    motion = [*motions(recordings, groups), RECORDING]
     whole, parts = [motion[block.recording] for block in blocks], _by_part(blocks, groups)
     if len(set(parts)) < _PARTS:
         parts = list(range(len(blocks)))
-    return Folds(_numbered(parts)) if len(set(whole)) < _MOTIONS else Folds(_numbered(whole), _numbered(parts))
+    if len(set(whole) - {RECORDING}) < _MOTIONS:
+        return Folds(_numbered(parts))
+    return Folds(_numbered(whole), _numbered(parts))
 
 
 def _numbered(keys: Sequence[Hashable]) -> tuple[int, ...]:

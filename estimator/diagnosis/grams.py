@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.design import Design, stretch_rows
+from estimator.diagnosis.design import Design, read_rows, stretch_rows
+from estimator.diagnosis.drives_off import RECORDING
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import LEAST_ROWS, Stretch
 
@@ -79,7 +80,7 @@ def sheets(
     design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, parts: int = 1
 ) -> Iterator[Sheet]:
     """The rows of all stretches; ``decimations`` samples a row of each, at least ``parts`` sheets of each that is long
-    enough."""
+    enough. Last, what the design's torques read with the drives off."""
     total = sum(piece.signals.samples // decimation for piece, decimation in zip(pieces, decimations, strict=True))
     length = max(LEAST_ROWS, total // _BLOCKS)
     for piece, decimation in zip(pieces, decimations, strict=True):
@@ -90,6 +91,8 @@ def sheets(
         times = piece.signals.t[::decimation][noise.past :]
         for begin, end in pairwise(edges):
             yield Sheet(piece.recording, [x[:, begin:end] for x in rows], float(times[(begin + end) // 2]))
+    if design.reading is not None:
+        yield Sheet(RECORDING, read_rows(design, design.reading), math.nan)
 
 
 def sum_up(

@@ -49,7 +49,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         return []
     result = []
     for k, gain, supported in rows:
-        if scores.owner[k] == own:
+        if scores.owner[k] == own or admission.read_otherwise(k, others):
             continue
         shared = gain - max(_beside(scores, k, chosen, beside), 0.0)
         if admission.contained(candidate, k) or admission.contained(k, candidate):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,8 @@ def residual_power(design: Design, block: Block, value: Array) -> Array:
 def plain_blocks(
     design: Design, pieces: Sequence[Stretch], decimations: Sequence[int], parts: int = 1, past: int = ORDER
 ) -> list[Block]:
-    """Grams of rows in the channels' own units, in the same blocks as those that a noise with this ``past`` makes."""
+    """Grams of motions' rows in the channels' own units, in the same blocks as a noise with this ``past`` makes."""
+    design = replace(design, reading=None)
     return sum_up(design, pieces, decimations, Noise.none(len(design.channels), past), parts)
 
 

@@ -16,8 +16,12 @@ Array = NDArray[np.float64]
 
 
 class AsymmetricFriction(JointEffect):
-    """c₊·s₊ + b₊·dq₊ + c₋·s₋ + b₋·dq₋ with s the sign of `coulomb_friction`; ₊ and ₋ are the parts above and below
-    zero. theta is the sign's width."""
+    """c₊·(s + 1)/2 + b₊·dq₊ + c₋·(s − 1)/2 + b₋·dq₋ with s the sign of `coulomb_friction`; ₊ and ₋ are the parts above
+    and below zero. theta is the sign's width.
+
+    Between both ways the friction is halfway between its levels, as that of a symmetric one beside an offset is: what a
+    joint does while it turns round tells neither from the other. Of one that never goes either way there is none.
+    """
 
     name = "asymmetric_friction"
     dry = True
@@ -35,7 +39,7 @@ class AsymmetricFriction(JointEffect):
     made_with = ("torque_offset",)
     typical: ClassVar = {"coulomb_friction": (0.4, -0.4, 0.0, 0.0), "viscous_friction": (0.0, 0.0, 0.4, -0.4)}
     seen_against = "dq"
-    experiment = "move {joint} at a high constant speed, both ways, and rest between"
+    experiment = "move {joint} at a high constant speed, both ways, and record its torque with the drives off"
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.asarray(np.array(WIDTHS) * scales.dq[self.joint(place)])[:, None]
@@ -43,7 +47,8 @@ class AsymmetricFriction(JointEffect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint = self.joint(place)
         sign, speed = signals.direction(joint, float(theta[0])), signals.dq[:, joint]
-        halves = [np.maximum(sign, 0.0), np.minimum(sign, 0.0), np.maximum(speed, 0.0), np.minimum(speed, 0.0)]
+        goes = float(np.max(np.abs(sign)) > 0.5)
+        halves = [goes * (sign + 1.0) / 2.0, goes * (sign - 1.0) / 2.0, np.maximum(speed, 0.0), np.minimum(speed, 0.0)]
         return np.stack(halves, axis=1)[:, None, :]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:

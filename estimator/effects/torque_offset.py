@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 class TorqueOffset(JointEffect):
     name = "torque_offset"
     in_drive = True
+    read_off = True
     units: ClassVar = {"offset": "N·m"}
     confused_with = ("asymmetric_friction", "base_tilt", "joint_spring")
     seen_against = "t"
-    experiment = "rest in several poses"
+    experiment = "record the torque of {joint} with the drives off, and rest in several poses"
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return np.ones((signals.samples, 1, 1))

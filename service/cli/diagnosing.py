@@ -14,6 +14,7 @@ from service.cli.options import (
     JOINT_STATES,
     ArmOption,
     AttachedOption,
+    DrivesOffOption,
     HoldOption,
     HoldOutOption,
     JsonOption,
@@ -36,6 +37,7 @@ def diagnose(
         ),
     ] = None,
     hold_out: HoldOutOption = None,
+    drives_off: DrivesOffOption = None,
     arm: ArmOption = None,
     hold: HoldOption = None,
     topic: TopicOption = JOINT_STATES,
@@ -57,7 +59,7 @@ def diagnose(
     json: JsonOption = None,
 ) -> None:
     """Name what the arm's model gets wrong, from recordings or by experiment."""
-    keep_inputs(json, recordings, hold_out)
+    keep_inputs(json, recordings, hold_out, drives_off)
     if experiment:
         unfit = (("--hold", hold), ("--out", out), ("--topic", topic != JOINT_STATES))
         refuse(unfit, "is for diagnosing from recordings alone", "leave it out, or --experiment")
@@ -67,6 +69,7 @@ def diagnose(
             {
                 "recordings": [str(path) for path in as_paths(recordings or [])],
                 "hold_out": [str(path) for path in as_paths(hold_out or [])],
+                "drives_off": [str(path) for path in as_paths(drives_off or [])],
                 "motions": [motion_reference(m) for m in motion or []],
                 "budget": 2 if budget is None else budget,
                 "tolerance": tolerance,
@@ -84,7 +87,7 @@ def diagnose(
                 "there are none",
                 "give at least one, better two playings of each motion; or --experiment, and the arm moves itself",
             )
-        answer = _from_recordings(recordings, hold_out or [], arm, hold or [], topic, tolerance, out)
+        answer = _from_recordings(recordings, hold_out or [], drives_off or [], arm, hold or [], topic, tolerance, out)
     from service.reports.diagnosis_tables import diagnosis_report
 
     for note in answer["notes"]:
@@ -95,6 +98,7 @@ def diagnose(
 def _from_recordings(
     recordings: list[str],
     hold_out: list[str],
+    drives_off: list[str],
     arm: str | None,
     hold: list[str],
     topic: str,
@@ -108,6 +112,7 @@ def _from_recordings(
     request = DiagnoseRequest(
         recordings=as_paths(recordings),
         hold_out=as_paths(hold_out),
+        drives_off=as_paths(drives_off),
         arm=arm,
         hold=parse_holds(hold),
         topic=topic,

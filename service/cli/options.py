@@ -83,6 +83,14 @@ Names = list[str] | None
 HoldOutOption = Annotated[
     Names, typer.Option("--hold-out", metavar="RECORDING", help="Judge on this one; repeat for several.")
 ]
+DrivesOffOption = Annotated[
+    Names,
+    typer.Option(
+        "--drives-off",
+        metavar="RECORDING",
+        help="At rest with the drives off: what their torques read then is their offset; repeat for several.",
+    ),
+]
 HoldOption = Annotated[
     Names,
     typer.Option("--hold", metavar="JOINT=VALUE", help="A joint of the URDF that stands still; repeat for several."),

@@ -49,7 +49,14 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
     if not 0.0 < request.tolerance < 1.0:
         raise InputError("--tolerance", f"{request.tolerance:g} is no share", "give for instance 0.05 for 5 %")
     read = read_recordings(
-        request.recordings, request.hold_out, request.arm, request.hold, request.topic, tell, believed=True
+        request.recordings,
+        request.hold_out,
+        request.arm,
+        request.hold,
+        request.topic,
+        tell,
+        believed=True,
+        drives_off=request.drives_off,
     )
     missing = missing_motions(read.body, read.trajectories)
     tell("judging", 0.4)
@@ -58,6 +65,7 @@ def diagnose_recordings(request: DiagnoseRequest, tell: Tell = lambda stage, sha
         "arm": read.arm.name,
         "recordings": [str(path) for path in request.recordings],
         "hold_out": [str(path) for path in request.hold_out],
+        "drives_off": [trajectory.name for trajectory in read.drives_off],
         **as_json(result, [*read.notes, *missing]),
         "model_name": None,
         "report": None,
@@ -85,7 +93,7 @@ def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
     """The arm; its drives where every recording to learn from has the torques of motors and sensors, and its gears
     where every one has the angles on both sides."""
     learning, judging = ([only_usable(read.body, t) for t in some] for some in (read.trajectories, read.hold_out))
-    result = diagnose(read.body, learning, judging, tolerance)
+    result = diagnose(read.body, learning, judging, tolerance, read.drives_off)
     learnt = list(zip(read.trajectories, read.recordings, strict=False))
     motors = [
         replace(trajectory, tau=recording.tau_motor[:, read.body.columns(recording.joints)], unusable=None)

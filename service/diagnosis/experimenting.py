@@ -1,4 +1,4 @@
-"""The motion that would decide an ambiguous finding, as a motion file that the arm can play."""
+"""What would decide an ambiguous finding: a motion, as a file that the arm can play, or the drives read while off."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from service.sessions.store import write_atomically
 def next_experiment(
     diagnosis: Diagnosis, finding: Finding, read: ReadRecordings, directory: Path | None, name: str
 ) -> dict[str, Any] | None:
-    """What would decide a finding: the catalogue's sentence, and the motion where one within the limits decides.
+    """What would decide a finding: the catalogue's sentence, and the motion, or reading with the drives off, where one
+    within the limits decides.
 
-    The motion is written to ``directory`` as ``name``; without one, or without limits, the sentence stands alone.
+    A motion is written to ``directory`` as ``name``; without one, or without limits, the sentence stands alone.
     None for a finding that is decided.
     """
     if finding.next_experiment is None:
@@ -39,13 +40,14 @@ def next_experiment(
     chosen = design_experiment(finding.contest, limits, home)
     if chosen is None:
         return experiment(f"{sentence}; no motion of this arm within its limits decides")
-    path = write_experiment(directory, name, chosen.motion, diagnosis.joints)
-    moving = [diagnosis.joints[joint] for joint in chosen.motion.joints]
     told = _sentence(chosen, finding, diagnosis.joints)
-    return {
-        **experiment(told, str(path), moving, chosen.playings, chosen.predicted_gap),
-        "between": between(finding, diagnosis.joints),
-    }
+    if chosen.motion is None:
+        designed = experiment(told, predicted_gap=chosen.predicted_gap, drives_off_s=chosen.drives_off_s)
+    else:
+        path = write_experiment(directory, name, chosen.motion, diagnosis.joints)
+        moving = [diagnosis.joints[joint] for joint in chosen.motion.joints]
+        designed = experiment(told, str(path), moving, chosen.playings, chosen.predicted_gap)
+    return {**designed, "between": between(finding, diagnosis.joints)}
 
 
 def between(finding: Finding, joints: Sequence[str]) -> list[dict[str, Any]]:
@@ -95,11 +97,14 @@ def write_experiment(directory: Path, name: str, motion: ExperimentMotion, joint
 
 
 def _sentence(chosen: Experiment, finding: Finding, joints: Sequence[str]) -> str:
-    """Which motion, what it decides, and what it leaves."""
+    """Which motion or reading, what it decides, and what it leaves."""
     places = [(finding.effect, finding.place), *((a.effect, a.place) for a in finding.alternatives)]
-    where = ", ".join(joints[joint] for joint in chosen.motion.joints)
-    times = "twice" if chosen.playings == 2 else f"{chosen.playings} times"
-    text = f"play the {chosen.motion.kind} of {where} {times}"
+    if chosen.motion is None:
+        text = f"record the torques for {chosen.drives_off_s:g} s with the drives off, the arm held by brakes or a stop"
+    else:
+        where = ", ".join(joints[joint] for joint in chosen.motion.joints)
+        times = "twice" if chosen.playings == 2 else f"{chosen.playings} times"
+        text = f"play the {chosen.motion.kind} of {where} {times}"
 
     def told(place: tuple[str, Place]) -> str:
         return f"{effect_text(place[0])} of {place_text(place[1], joints, verb=False)}"

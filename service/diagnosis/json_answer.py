@@ -61,11 +61,13 @@ def experiment(
     joints: Sequence[str] = (),
     playings: int | None = None,
     predicted_gap: float | None = None,
+    drives_off_s: float | None = None,
 ) -> dict[str, Any]:
-    """What would decide: in words, and as the motion file where one was designed, how often to play it, and the gap
-    that it then promises, nats."""
+    """What would decide: in words; as the motion file where one was designed, and how often to play it, or for how many
+    seconds to read the torques with the drives off; and the gap that it then promises, nats."""
     return {
         "motion": motion,
+        "drives_off_s": drives_off_s,
         "joints": list(joints),
         "sentence": sentence,
         "playings": playings,

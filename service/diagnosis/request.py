@@ -21,5 +21,7 @@ class DiagnoseRequest:
     tolerance: float = 0.05
     directory: Path | None = None
     """Where the answer, its traces and its page are kept; None: nowhere."""
+    drives_off: tuple[Path, ...] = ()
+    """Recordings at rest with the drives off."""
     experiments: tuple[Mapping[str, Any], ...] = ()
-    """Deciding motions that were played already, as the answer lists them; ``gap`` of the newest is not yet known."""
+    """What was played to decide, or read, as the answer lists it; ``gap`` of the newest is not yet known."""

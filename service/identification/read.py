@@ -15,7 +15,7 @@ from estimator.trajectory import Trajectory
 from service.identification.arm_source import ArmSource, arm_source, recorded_arm
 from service.identification.continuous import continuous
 from service.identification.examined import examined, examined_beside
-from service.identification.recorded import Source, read_any, source_of, trajectory_of
+from service.identification.recorded import DRIVES_OFF, Source, read_any, source_of, trajectory_of
 
 Tell = Callable[[str, float], None]
 _HELD = 0.05
@@ -35,6 +35,8 @@ class ReadRecordings:
     notes: tuple[str, ...]
     recordings: tuple[Recording, ...]
     """What the trajectories were taken from: those to learn from, then those held out."""
+    drives_off: tuple[Trajectory, ...] = ()
+    """At rest, with the drives off: what their torques read is no torque of the arm."""
 
 
 def read_recordings(
@@ -45,21 +47,24 @@ def read_recordings(
     topic: str,
     tell: Tell,
     believed: bool = False,
+    drives_off: Sequence[Path] = (),
 ) -> ReadRecordings:
-    """Reads everything, the recordings to judge on behind those to learn from.
+    """Reads everything, the recordings to judge on behind those to learn from. Those that say that they were made with
+    the drives off are taken with ``drives_off``.
 
     ``arm_named``: a configured name, an installation or URDF file, or None for the arm that the recordings carry.
     ``believed``: its masses are the model that is to be judged, and no first guess.
     Raises InputError naming file, line and column for recordings that cannot be used, or what is wrong with channels
     that cannot be this arm's (`estimator.plausibility`).
     """
-    paths = [*recordings, *hold_out]
+    paths = [*recordings, *hold_out, *drives_off]
     if not recordings:
         raise InputError("recordings", "there are none", "give at least one")
     arm = arm_source(arm_named) if arm_named is not None else None
     body: RigidBody | None = None
     sources: list[Source] = []
     whole: list[Recording] = []
+    off: list[bool] = []
     notes: list[str] = []
     for k, path in enumerate(paths):
         tell(f"reading {path.name}", 0.35 * k / len(paths))
@@ -74,6 +79,10 @@ def read_recordings(
         sources.append(source_of(path, recording))
         _once(path, sources, len(recordings))
         whole.append(recording)
+        says_so = DRIVES_OFF.items() <= recording.metadata.items()
+        off.append(says_so or k >= len(recordings) + len(hold_out))
+        if says_so:
+            notes.append(f"{path.name}: recorded with the drives off, and no motion")
     assert arm is not None
     assert body is not None
     whole, mended = continuous(whole, body)
@@ -83,12 +92,24 @@ def read_recordings(
         held = ", ".join(f"{name} = {value:g}" for name, value in body.held.items())
         notes.append(f"joints of the URDF that were not recorded are held still: {held}")
     tell("examining the recordings", 0.35)
-    count = len(recordings)
-    learnt, doubts = examined(body, read[:count], believed)
-    held_out = read[count:]
+    moving = [k for k in range(len(paths)) if not off[k]]
+    learning = [k for k in moving if k < len(recordings)]
+    if not learning:
+        raise InputError(str(paths[0]), "was recorded with the drives off", "give recordings of motions as well")
+    learnt, doubts = examined(body, [read[k] for k in learning], believed)
+    held_out = [read[k] for k in moving if k >= len(recordings)]
     judged, doubts_of_judged = examined_beside(body, learnt, held_out) if believed else examined(body, held_out)
     notes += [*doubts, *doubts_of_judged]
-    return ReadRecordings(body, arm, tuple(sources[:count]), tuple(learnt), tuple(judged), tuple(notes), tuple(whole))
+    return ReadRecordings(
+        body,
+        arm,
+        tuple(sources[k] for k in learning),
+        tuple(learnt),
+        tuple(judged),
+        tuple(notes),
+        tuple(whole[k] for k in moving),
+        tuple(trajectory for trajectory, is_off in zip(read, off, strict=True) if is_off),
+    )
 
 
 def _same_joints(

@@ -17,6 +17,8 @@ from service.identification.arm_source import ArmSource
 from service.identification.text_channels import is_text_channels, read_text_channels
 
 DIGEST_BLOCK = 1 << 20
+DRIVES_OFF = {"drives": "off"}
+"""Metadata of a recording that was made with the drives off."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""The part of a diagnosis' page about deciding motions: the next one, and those that were played."""
+"""The part of a diagnosis' page about what decides: the next motion, or reading with the drives off, and those that
+there were."""
 
 from __future__ import annotations
 
@@ -14,10 +15,12 @@ DECIDED = 3.0
 
 
 def open_question(experiment: Mapping[str, Any]) -> list[str]:
-    """What would decide: in words; with its file, and what it promises, where a motion was designed."""
-    if experiment["motion"] is None:
+    """What would decide: in words; with what it promises, and a motion's file, where it was designed."""
+    if experiment["predicted_gap"] is None:
         return [f"{experiment['sentence']}."]
     promise = f" It should tell them apart by {experiment['predicted_gap']:.0f} nats. "
+    if experiment["motion"] is None:
+        return [f"{experiment['sentence']}.", promise]
     return [f"{experiment['sentence']}.", promise, element("span", f"etude run {experiment['motion']}", of="path")]
 
 
@@ -25,7 +28,7 @@ def experiments_section(played: Sequence[Mapping[str, Any]]) -> Html:
     """What was played, between which causes, what it promised and what came of it."""
     rows = [
         [
-            Path(one["motion"]).stem,
+            "drives off" if one["motion"] is None else Path(one["motion"]).stem,
             " · ".join(_rival(rival) for rival in one["between"]),
             figure(one["predicted_gap"]),
             "–" if one["gap"] is None else figure(one["gap"]),

@@ -62,17 +62,18 @@ def _said(answer: dict[str, Any]) -> list[RenderableType]:
 
 
 def _experiment(told: dict[str, Any]) -> str:
-    if told["motion"] is None:
+    if told["predicted_gap"] is None:
         return str(told["sentence"])
-    return f"{told['sentence']}: {told['motion']} (should tell them apart by {told['predicted_gap']:.0f} nats)"
+    file = "" if told["motion"] is None else f": {told['motion']}"
+    return f"{told['sentence']}{file} (should tell them apart by {told['predicted_gap']:.0f} nats)"
 
 
 def _played(experiment: dict[str, Any]) -> str:
     rivals = ", ".join(f"{r['effect']} {_where(r)}" for r in experiment["between"])
+    off = experiment["motion"] is None
+    done = "recorded the torques with the drives off" if off else f"played {experiment['motion']}"
     told = "none of them is left" if experiment["gap"] is None else f"{experiment['gap']:.1f} nats lie between"
-    return (
-        f"played {experiment['motion']} to decide between {rivals}: {told}, {experiment['predicted_gap']:.1f} expected"
-    )
+    return f"{done} to decide between {rivals}: {told}, {experiment['predicted_gap']:.1f} expected"
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:

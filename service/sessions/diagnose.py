@@ -1,4 +1,5 @@
-"""A session that diagnoses the arm: plays motions twice each, judges, plays the motion that decides, judges again."""
+"""A session that diagnoses the arm: plays motions twice each, judges, plays the motion that decides, or reads the
+drives while they are off where that decides, and judges again."""
 
 from __future__ import annotations
 
@@ -29,17 +30,19 @@ class DiagnoseArguments(BaseModel):
     recordings: tuple[Path, ...] = ()
     """To begin with; without any the arm plays ``motions``."""
     hold_out: tuple[Path, ...] = ()
+    drives_off: tuple[Path, ...] = ()
+    """Recordings at rest with the drives off."""
     motions: tuple[str, ...] = ()
     """By name or file; the installation's ``identification_motions`` when empty."""
     budget: int = Field(default=2, ge=0, le=20)
-    """Deciding motions that may be played."""
+    """Deciding motions, or readings, that there may be."""
     tolerance: float = 0.05
     mode: Mode = "csp"
     controller: SessionController = "pd"
 
 
 class DiagnoseArm:
-    """Goes on until every cause is decided, no motion decides further, or the budget is spent.
+    """Goes on until every cause is decided, nothing decides further, or the budget is spent.
 
     All motions that are known beforehand are checked against the limits before the first one moves; a designed one is
     checked before it is played.
@@ -68,25 +71,36 @@ class DiagnoseArm:
         recordings = list(self._asked.recordings)
         # Every motion once, then all again: friction that warms up does not look like noise.
         recordings += await play_recorded(moving, session, self._plans * PLAYINGS, part(first, 0.0, PLAYING_SHARE))
+        drives_off = list(self._asked.drives_off)
         experiments: list[Mapping[str, Any]] = []
-        answer = await self._judged(session, recordings, experiments, first)
+        answer = await self._judged(session, recordings, drives_off, experiments, first)
         while len(experiments) < self._asked.budget and (designed := _undecided(answer)) is not None:
             begin = (len(experiments) + 1) * round_share
             another = part(tell, begin, begin + round_share)
-            plan = plan_motion(designed["motion"], self._installation, self._asked.mode, self._asked.controller)
-            plans = [plan] * int(designed["playings"])
-            recordings += await play_recorded(moving, session, plans, part(another, 0.0, PLAYING_SHARE))
-            played = {key: designed[key] for key in ("motion", "between", "predicted_gap")}
+            if designed["motion"] is None:
+                another("reading the drives while they are off", 0.0)
+                drives_off.append(await moving.record_off(session, float(designed["drives_off_s"])))
+            else:
+                plan = plan_motion(designed["motion"], self._installation, self._asked.mode, self._asked.controller)
+                plans = [plan] * int(designed["playings"])
+                recordings += await play_recorded(moving, session, plans, part(another, 0.0, PLAYING_SHARE))
+            played = {key: designed[key] for key in ("motion", "drives_off_s", "between", "predicted_gap")}
             experiments = [*answer["experiments"], played]
-            answer = await self._judged(session, recordings, experiments, another)
+            answer = await self._judged(session, recordings, drives_off, experiments, another)
         return {"session": session.id, **answer}
 
     async def _judged(
-        self, session: Session, recordings: list[Path], experiments: list[Mapping[str, Any]], tell: Tell
+        self,
+        session: Session,
+        recordings: list[Path],
+        drives_off: list[Path],
+        experiments: list[Mapping[str, Any]],
+        tell: Tell,
     ) -> dict[str, Any]:
         request = DiagnoseRequest(
             recordings=tuple(recordings),
             hold_out=self._asked.hold_out,
+            drives_off=tuple(drives_off),
             arm=str(self._installation.path),
             tolerance=self._asked.tolerance,
             directory=session.directory / f"diagnosis-{len(experiments) + 1}",
@@ -96,10 +110,10 @@ class DiagnoseArm:
 
 
 def _undecided(answer: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """The designed motion of the ambiguous finding that it promises most for."""
+    """The designed motion, or reading, of the ambiguous finding that it promises most for."""
     designed = [
         finding["next_experiment"]
         for finding in answer["findings"]
-        if finding["next_experiment"] is not None and finding["next_experiment"]["motion"] is not None
+        if finding["next_experiment"] is not None and finding["next_experiment"]["predicted_gap"] is not None
     ]
     return max(designed, key=lambda one: float(one["predicted_gap"]), default=None)

@@ -16,6 +16,7 @@ from config.motion import check_motion, load_motion, point_to_point, sample
 from config.schema import Mode
 from driver.arm import ArmLoop
 from driver.plan import Plan
+from service.identification.recorded import DRIVES_OFF
 from service.outcomes import ArmStopped
 from service.sessions.live_load import LiveLoadProcess, last_identified
 from service.sessions.standing_recorder import StandingRecorder
@@ -122,6 +123,19 @@ class MovingArm:
                 log.error("%s", problem)
             raise
         await asyncio.to_thread(self.recorder.stop_run)
+        return path
+
+    async def record_off(self, session: Session, seconds: float) -> Path:
+        """The recording of that much of the loop's time with the drives off, which the session lists."""
+        await asyncio.to_thread(self.recorder.revive)
+        mode = (await asyncio.to_thread(self.loop.status)).mode
+        metadata = {**DRIVES_OFF, **({} if mode is None else {"mode": mode})}
+        path = await asyncio.to_thread(self.recorder.start_run, "drives-off", session.directory, metadata)
+        session.update(recordings=(*session.record.recordings, path.name))
+        try:
+            await asyncio.to_thread(self.loop.run_for, seconds)
+        finally:
+            await asyncio.to_thread(self.recorder.stop_run)
         return path
 
     async def _play(self, plan: Plan, progress: Callable[[float], None]) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.contest import Contest, contest
+from estimator.diagnosis.drives_off import OffReading
 from estimator.diagnosis.evidence import Evidence, gather
 from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experiment
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
@@ -209,10 +210,11 @@ def test_a_joint_that_stands_throughout_does_so_but_for_rounding() -> None:
     np.testing.assert_array_equal(standing(going), np.repeat([51.0, 0.0], [51, 149]))
 
 
-def test_no_motion_tells_an_asymmetric_friction_from_a_symmetric_one_with_an_offset(
+def test_drives_that_are_off_tell_an_asymmetric_friction_from_a_symmetric_one_with_an_offset(
     arm: RigidBody, limits: MotionLimits
 ) -> None:
-    """They make the same torque: said beforehand."""
+    """They make the same torque in every motion: said beforehand, and once the drives have been read, that nothing
+    more is to be had there."""
     laws: list[Law] = [
         ("coulomb_friction", JOINT, {"level": 0.5}),
         ("torque_offset", JOINT, {"offset": 0.2}),
@@ -221,17 +223,20 @@ def test_no_motion_tells_an_asymmetric_friction_from_a_symmetric_one_with_an_off
     recordings = [replace(r, tau=r.tau + np.array([0.0, 0.2, 0.0])) for r in recordings]
     evidence, scores = gathered(arm, recordings)
     known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
-    chosen = []
+    contests = []
     for finding, other in (laws, laws[::-1]):
         beside = max(np.flatnonzero(scores.owner == known.index(other[:2])), key=scores.gains([]).item)
         rivals = [known.index(finding[:2]), known.index(("asymmetric_friction", JOINT))]
-        contested = contest(scores, evidence, [beside], rivals)
-        of_finding, of_rival = (rival.freedom for rival in contested.rivals)
+        contests.append(contest(scores, evidence, [beside], rivals))
+        of_finding, of_rival = (rival.freedom for rival in contests[-1].rivals)
         assert set(of_rival) == {min(of_finding)}, "in the place of both it costs no more than they do"
-        chosen.append(design_experiment(contested, limits, HOME))
-    of_friction, of_offset = chosen
-    assert of_offset is None
-    assert of_friction is None or of_friction.decided == 0, "by no more than how sharply the sign of a speed changes"
+    of_friction, of_offset = (design_experiment(one, limits, HOME) for one in contests)
+    assert of_friction is None, "beside either it makes the torque of both"
+    assert of_offset is not None and of_offset.motion is None
+    assert of_offset.told == ((0, 1),)
+    known_offset = OffReading(np.array([0.0, 0.2, 0.0]), np.full(3, 0.01), 30.0)
+    read = replace(contests[1], design=replace(contests[1].design, reading=known_offset))
+    assert design_experiment(read, limits, HOME) is None
 
 
 def test_no_motion_is_given_for_a_viscous_friction_that_stands_beside_an_offset(

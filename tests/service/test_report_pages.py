@@ -134,6 +134,7 @@ def test_the_page_says_what_was_played_and_what_it_decided(answer: dict[str, Any
         {"motion": f"/there/experiment-{k}.toml", "between": rivals, "predicted_gap": 41.0, "gap": gap}
         for k, gap in enumerate((38.2, 1.1, None), 1)
     ]
+    played.append({"motion": None, "drives_off_s": 30.0, "between": rivals, "predicted_gap": 41.0, "gap": 52.3})
     answer["experiments"] = played
     answer["findings"][0]["next_experiment"] |= {"motion": "/there/experiment-4.toml", "predicted_gap": 12.7}
     words = " ".join(" ".join(Outline(diagnosis_page(answer, traces)).words).split())
@@ -143,6 +144,7 @@ def test_the_page_says_what_was_played_and_what_it_decided(answer: dict[str, Any
         "41 38.2 decided",
         "41 1.1 still open",
         "41 – none of them is left",
+        "drives off coulomb friction of elbow · transport delay of velocity channel 41 52.3 decided",
         "etude run /there/experiment-4.toml",
         "apart by 13 nats",
     ):
