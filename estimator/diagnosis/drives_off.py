@@ -8,7 +8,7 @@ offset, while brakes, or a stop, hold the arm.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,6 @@ class OffReading:
     offset: Array
     error: Array
     seconds: float
-
-    def no_better_than(self, other: OffReading) -> OffReading:
-        """The same with errors at least as large as another's."""
-        return replace(self, error=np.maximum(self.error, other.error))
 
     @property
     def silent(self) -> list[int]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
-from estimator.diagnosis.drives_off import expected_reading, read_off
+from estimator.diagnosis.drives_off import read_off
 from estimator.diagnosis.first_body import first_body, has_bodies
 from estimator.diagnosis.first_look import first_look, with_turns
 from estimator.diagnosis.folds import Folds, folds_of, parts_of
@@ -124,9 +124,6 @@ def weighed(
     # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be.
     noise = repeated_noise(rows, unseen, exact, playings(repeats, grid, lay(pieces, look.left))) or noise
     noise = with_turns(look, pieces, decimations, noise)
-    if design.reading is not None:
-        expected = expected_reading(noise, range(design.body.n), design.reading.seconds, grid.band)
-        design = replace(design, reading=design.reading.no_better_than(expected))
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

@@ -51,7 +51,18 @@ class Experiment:
 
     @property
     def predicted_gap(self) -> float:
-        """nats of the worst pair that can be told apart, whichever of the two is the truth."""
+        """nats of the worst pair that it tells apart, whichever of the two is the truth."""
+        return min(pair_gap(self.gaps, pair) for pair in self.tells)
+
+    @property
+    def tells(self) -> tuple[tuple[int, int], ...]:
+        """Of ``told``, what it tells apart by itself."""
+        return tuple(pair for pair in self.told if pair_gap(self.gaps, pair) > UNDECIDED)
+
+    @property
+    def worst(self) -> float:
+        """`predicted_gap` of all pairs that anything tells apart: negative, where data speak for the wrong one of a
+        pair that it does not tell."""
         return min(pair_gap(self.gaps, pair) for pair in self.told)
 
     @property
@@ -107,7 +118,10 @@ def _best(
     alike = tuple(pair for pair in pairs if pair not in told)
     designed = [Experiment(motion, playings, own, told, alike) for motion, own in zip(motions, gaps, strict=True)]
     # Where it decides as much, what moves nothing comes first.
-    return max(designed, key=lambda one: (one.decided, one.motion is None and one.decided > 0, one.predicted_gap))
+    return max(
+        (one for one in designed if one.tells),
+        key=lambda one: (one.decided, one.motion is None and one.decided > 0, one.worst),
+    )
 
 
 def joints_of(contest: Contest) -> tuple[int, ...]:

@@ -16,6 +16,8 @@ from service.sessions.store import Session, SessionState, SessionStore
 
 log = logging.getLogger(__name__)
 ENABLED = (LoopState.HOLDING, LoopState.PLAYING)
+ENDS_ITSELF_S = 2.0
+"""For a session to notice by itself that the cyclic loop does not answer."""
 
 
 class RunningSession:
@@ -86,11 +88,16 @@ class Conductor:
         """End a session safely: the arm comes to rest, estimation is dropped. Harmless when it has ended."""
         if running.work.done():
             return
-        status = await asyncio.to_thread(self.moving.loop.status)
-        if status.state in (*ENABLED, LoopState.ENABLING):
-            await self.moving.stop(cause)
-        else:
-            running.work.cancel(cause)
+        try:
+            status = await asyncio.to_thread(self.moving.loop.status)
+            if status.state in (*ENABLED, LoopState.ENABLING):
+                await self.moving.stop(cause)
+            else:
+                running.work.cancel(cause)
+        except InputError as error:
+            # A motion whose loop is gone ends by itself, with that as its cause; estimation has to be ended.
+            await asyncio.wait([running.work], timeout=ENDS_ITSELF_S)
+            running.work.cancel(str(error))
         await asyncio.wait([running.work])
 
     async def end(self, cause: str) -> None:

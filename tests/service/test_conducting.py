@@ -95,6 +95,41 @@ def test_a_loop_that_does_not_answer_is_told_to_stop(tmp_path: Path) -> None:
     assert arm.asked == ["stop"]
 
 
+class Working(Ending):
+    """A procedure at work for that long before it ends with the exception."""
+
+    def __init__(self, seconds: float, error: Exception) -> None:
+        super().__init__(error)
+        self._seconds = seconds
+
+    async def perform(self, *_: Any) -> dict[str, Any]:
+        await asyncio.sleep(self._seconds)
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("seconds", "state", "cause"),
+    [(0.05, "stopped", "killed by signal 9"), (3600.0, "interrupted", "has not answered")],
+    ids=["that notices by itself", "that estimates for long"],
+)
+def test_a_daemon_whose_loop_died_ends_its_session(seconds: float, state: str, cause: str, tmp_path: Path) -> None:
+    arm = FakeArm(LoopState.PLAYING, answers=False)
+    arm.loop.alive = False
+    killed = InputError("cyclic loop", "was killed by signal 9", "start again")
+
+    async def told() -> Any:
+        conductor = Conductor(arm, SessionStore(tmp_path, "dda"))  # type: ignore[arg-type]
+        running = conductor.start(Working(seconds, killed), attached=False, uid=0)  # type: ignore[arg-type]
+        await asyncio.sleep(0)
+        await conductor.end("the daemon was asked to end")
+        assert isinstance(running.work.exception(), ArmStopped)
+        return running.session
+
+    session = asyncio.run(told())
+    assert session.record.state == state
+    assert cause in session.record.cause
+
+
 def test_a_stop_keeps_its_last_frames(tmp_path: Path) -> None:
     arm = FakeArm(LoopState.LATCHED, frames=("1.0 can0 sent 080", "1.1 can0 received 181 27 02"))
     session = conducted(arm, Ending(ArmStopped("joint1: over-voltage")), tmp_path)
