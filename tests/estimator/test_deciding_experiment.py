@@ -14,7 +14,7 @@ from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.contest import Contest, contest
 from estimator.diagnosis.drives_off import OffReading
 from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, design_experiment
+from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, Experiment, design_experiment
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
 from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
@@ -237,6 +237,14 @@ def test_drives_that_are_off_tell_an_asymmetric_friction_from_a_symmetric_one_wi
     known_offset = OffReading(np.array([0.0, 0.2, 0.0]), np.full(3, 0.01), 30.0)
     read = replace(contests[1], design=replace(contests[1].design, reading=known_offset))
     assert design_experiment(read, limits, HOME) is None
+
+
+def test_a_promise_is_of_the_pairs_that_the_experiment_tells() -> None:
+    # Rivals 0 and 1 it tells apart; of 1 and 2 the data so far speak for the wrong one, and another motion tells.
+    gaps = np.array([[0.0, 20.0, 30.0], [12.0, 0.0, -6.0], [40.0, 2.0, 0.0]])
+    reading = Experiment(None, 2, gaps, told=((0, 1), (0, 2), (1, 2)), alike=())
+    assert reading.tells == ((0, 1), (0, 2))
+    assert (reading.predicted_gap, reading.worst, reading.decided) == (12.0, -6.0, 2)
 
 
 def test_no_motion_is_given_for_a_viscous_friction_that_stands_beside_an_offset(

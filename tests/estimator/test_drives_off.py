@@ -14,6 +14,7 @@ from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.drives_off import read_off
+from estimator.diagnosis.evidence import gather
 
 Array = NDArray[np.float64]
 RATE = 250.0
@@ -106,6 +107,14 @@ def test_an_offset_and_an_asymmetric_friction_are_told_apart_by_it_alone(arm: Ri
     for name, true in (("level_positive", 1.35), ("level_negative", 0.65)):
         told = friction.parameters[name]
         assert abs(float(told.value) - true) < 3.0 * float(told.standard_error)
+
+
+def test_a_reading_is_as_exact_as_its_own_scatter_whatever_the_motions_noise_is(arm: RigidBody) -> None:
+    off = at_rest(OFFSET)
+    quiet = replace(off, tau=OFFSET + 0.1 * (off.tau - OFFSET))
+    reading = gather(arm, swings(arm, one_way_more), 0.05, [quiet]).design.reading
+    assert reading is not None
+    np.testing.assert_allclose(reading.error, 0.1 * read_off(arm, [off]).error)
 
 
 def test_a_silent_drive_is_told_and_decides_nothing(arm: RigidBody) -> None:
