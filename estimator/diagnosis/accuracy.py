@@ -166,5 +166,5 @@ def _supports(found: Searched, precisions: Sequence[Array], weights: Array) -> A
     for precision in precisions:
         model = within_limits(whole.believed(precision), chosen, least=1)
         narrowed = np.linalg.slogdet(precision + told)[1] - np.linalg.slogdet(precision)[1]
-        result.append(0.5 * float(model.right[model.active] @ model.value - narrowed))
+        result.append(model.explained - 0.5 * float(narrowed))
     return np.array(result) - scores.penalty(found.chosen)

@@ -78,6 +78,11 @@ class Conditional:
         """Upper triangular R of the normal matrix RᵀR."""
         self.value: Array = self.solve(self.right[active])
 
+    @property
+    def explained(self) -> float:
+        """nats that the active unknowns explain."""
+        return 0.5 * float(self.right[self.active] @ self.value)
+
     def solve(self, right: Array) -> Array:
         """(active, …) the unknowns for other right-hand sides."""
         return np.asarray(dpotrs(self._root, right)[0])

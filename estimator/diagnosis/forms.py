@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from estimator.diagnosis.conditional import Conditional
+from estimator.diagnosis.design import read_rows
 from estimator.diagnosis.maps import MEMORY, Map
 from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.weighted import Weighted
 
 FORM = 0.01
 """Of the explainable: a law's form is exact to a tenth of its torque, and less than that has no name of its own."""
@@ -13,6 +19,8 @@ _OF_FRICTION = 0.0025
 """Likewise of a dry friction, a twentieth of its torque: what bristles differ from Coulomb's law, or from Dahl's."""
 _GOES_WITH = ("speed", MEMORY)
 """What a friction is a function of: any of its speed, or of the way since reversals."""
+_REFUTED = 3.0
+"""nats by which what the drives read must speak against a law before no form of it is the reason."""
 
 
 def forms_of(scores: Scores, chosen: Sequence[int]) -> list[int]:
@@ -31,6 +39,26 @@ def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
     (`Law.mends_below`): how a joint turns round is between the laws, part of its friction goes with the sign of its
     speed, and part with the travel. In a search those stand for themselves, lest other laws mend what they do."""
     return [*chosen, *_forms(scores, chosen, ((_bristles, FORM), (_of_friction, _OF_FRICTION)))]
+
+
+def of_form(wide: Conditional, plain: Conditional) -> float:
+    """nats that a law explains beyond a plainer one, to be held against what a form is exact to: without end where what
+    the drives read while they are off refutes the plainer one, for no form of a friction bends that."""
+    if _by_reading(wide) - _by_reading(plain) > _REFUTED:
+        return np.inf
+    return wide.explained - plain.explained
+
+
+def _by_reading(model: Conditional) -> float:
+    """nats that a model explains with what the drives read, beyond those that it explains without; none where nothing
+    was read."""
+    told = model.told
+    if (reading := told.design.reading) is None:
+        return 0.0
+    rows = read_rows(told.design, reading)
+    unread = [gram - row @ row.T for gram, row in zip(told.block.grams, rows, strict=True)]
+    by_motions = Weighted(told.design, replace(told.block, grams=unread), told.weights)
+    return model.explained - Conditional(by_motions, model.active).explained
 
 
 def _forms(

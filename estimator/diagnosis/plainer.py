@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.forms import FORM
+from estimator.diagnosis.forms import FORM, of_form
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, made_with, told_as
@@ -42,7 +42,7 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
         least = WORTH
         if all(scores.hypothesis(k).effect.dry for k in wider):
             least = max(least, FORM * scores.nats_there(candidate, chosen))
-        if shaped.explained + least > refined.explained:
+        if of_form(refined.model, shaped.model) < least:
             chosen, refined = fewer, shaped
     return chosen, refined
 
@@ -83,7 +83,7 @@ def not_taken_back(
         plain = [] if search.admission.contained(other, wide) else search.special(wide, alone)
         if not plain or other in plain or max(map(scores.support, (alone, [*plain, other]))) > scores.support(plain):
             continue
-        if scores.nats(chosen) - scores.nats(plain) < FORM * scores.nats_there(wide, chosen):
+        if of_form(scores.model(chosen), scores.model(plain)) < FORM * scores.nats_there(wide, chosen):
             chosen = search.ordered(plain)
             refined = fitted(evidence, scores, chosen)
     return chosen, refined
@@ -113,13 +113,16 @@ def without_menders(
         shaped = fitted(evidence, scores, instead)
         explained = refined.explained - fitted(evidence, scores, [k for k in others if k not in plainer]).explained
         least = _MENDED if own.theta[0] < below else FORM
-        if refined.explained - shaped.explained < least * explained:
+        if of_form(refined.model, shaped.model) < least * explained:
             for plain in set(instead) - set(others):
                 alternatives[plain] = told_as(search.admission, cause.candidate, chosen, plain, cause.alternatives)
             # A wider law that stood in the plainer one's place may have been no more than a form of it either.
             for wide in plainer:
                 trial = search.special(wide, instead)
-                if trial and shaped.explained - (fewer := fitted(evidence, scores, trial)).explained < FORM * explained:
+                if not trial:
+                    continue
+                fewer = fitted(evidence, scores, trial)
+                if of_form(shaped.model, fewer.model) < FORM * explained:
                     instead, shaped = trial, fewer
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)

@@ -44,7 +44,7 @@ class Refined:
     @property
     def explained(self) -> float:
         """nats above the given model's log-likelihood."""
-        return 0.5 * float(self.model.right[self.model.active] @ self.model.value)
+        return self.model.explained
 
     def coefficients(self, candidate: int) -> Array:
         return np.asarray(self.value[self.design.candidates[candidate].columns])
@@ -99,7 +99,7 @@ def refine(
         wide, block = pass_over(stepped)
         size = design.given + sum(len(c.columns) for c in trial)
         model = Conditional(Weighted(wide, block, weights), np.arange(size))
-        gain = 0.5 * float(model.right[:size] @ model.value)
+        gain = model.explained
         if gain < best + _ENOUGH and np.isfinite(best):
             if gain > best:
                 candidates = trial

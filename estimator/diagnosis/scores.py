@@ -154,8 +154,7 @@ class Scores:
         """Log-likelihood of a model above the given one's, up to a constant."""
         key = frozenset(chosen)
         if key not in self._nats:
-            model = self.model(chosen)
-            self._nats[key] = float(0.5 * (model.right[model.active] @ model.value))
+            self._nats[key] = self.model(chosen).explained
         return self._nats[key]
 
     def nats_there(self, candidate: int, chosen: Sequence[int]) -> float:
