@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from estimator.diagnosis.design import Hypothesis
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.refinement import Refined, fitted
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative
@@ -18,6 +20,8 @@ from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.search import Cause
 from estimator.diagnosis.slow_forms import worth
 from estimator.effects import Place
+
+Array = NDArray[np.float64]
 
 _STARTS = 4
 """Candidates from which the best shape is sought."""
@@ -32,7 +36,7 @@ def of_joint_or_arm(
 ) -> tuple[list[int], Refined]:
     """The chosen with a law of the whole arm in the place of those of single joints that look like it, or the other way
     round, where it is better, all at their best shapes."""
-    for gone in _in_its_place(scores, chosen):
+    for gone in in_its_place(scores, chosen):
         if not set(gone) <= set(chosen):
             continue
         tried = _with_another(evidence, scores, gone, chosen, anew=True)
@@ -47,7 +51,7 @@ def beside_joint_or_arm(
     """The causes, ``refined`` together, of which those that may be a law of the whole arm, or of a joint
     (`of_joint_or_arm`), have it as an alternative, as far behind as it is."""
     chosen = [cause.candidate for cause in causes]
-    tried = [(gone, _with_another(evidence, scores, gone, chosen)) for gone in _in_its_place(scores, chosen)]
+    tried = [(gone, _with_another(evidence, scores, gone, chosen)) for gone in in_its_place(scores, chosen)]
     whole = worth(scores, chosen, refined)
     others = [(gone, Alternative(t[0][-1], max(whole - worth(scores, *t), 0.0))) for gone, t in tried if t is not None]
     for cause in causes:
@@ -56,7 +60,7 @@ def beside_joint_or_arm(
         yield cause
 
 
-def _in_its_place(scores: Scores, chosen: Sequence[int]) -> list[list[int]]:
+def in_its_place(scores: Scores, chosen: Sequence[int]) -> list[list[int]]:
     """Those of the chosen that one law could stand for: each of the whole arm; of each joint what looks like such a
     law, with what looks like that in turn; and all of them."""
     alone = [[k] for k in chosen if scores.hypothesis(k).place.joint is None and _laws(scores, k)]
@@ -103,16 +107,19 @@ def _with_another(
     best = sorted(laws, key=lambda k: gains[k])[-_STARTS:]
     least = _HOPELESS * (scores.nats(chosen) - scores.nats(others))
     trials = [([*others, k], fitted(evidence, scores, [*others, k])) for k in best if gains[k] > least]
-    able = [one for one in trials if _now_and_then(evidence, one[1])]
+    able = [one for one in trials if _last_comes_and_goes(evidence, one[1])]
     return max(able, key=lambda one: worth(scores, *one), default=None)
 
 
-def _now_and_then(evidence: Evidence, refined: Refined) -> bool:
-    """Whether the last of the causes acts no longer than one of its name: a wall that the tool is never in front of
-    is a spring of any form."""
+def _last_comes_and_goes(evidence: Evidence, refined: Refined) -> bool:
     own = refined.design.candidates[-1]
-    law = refined.design.hypotheses[own.hypothesis]
+    return now_and_then(evidence, refined.design.hypotheses[own.hypothesis], own.theta)
+
+
+def now_and_then(evidence: Evidence, law: Hypothesis, theta: Array) -> bool:
+    """Whether a law acts no longer than one of its name does: a wall that the tool is never in front of is a spring of
+    any form."""
     if not law.effect.comes_and_goes:
         return True
-    acts = [np.any(law.effect.columns(law.place, p.signals, own.theta) != 0.0, axis=(1, 2)) for p in evidence.pieces]
+    acts = [np.any(law.effect.columns(law.place, p.signals, theta) != 0.0, axis=(1, 2)) for p in evidence.pieces]
     return float(np.concatenate(acts).mean()) < _MOST_OF_THE_TIME

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 _ITERATIONS = 4
 _STEP = 1e-3
 """Of a non-linear parameter's span: step of the numerical derivative."""
+_BEYOND = 0.1
+"""Of a grid's span, how far beyond it the shape of a law that was sought between its shapes may go: it may stand at its
+end."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""
 _LEAST_DELAY, _LONGEST_DELAY = 1e-4, 0.1
@@ -130,7 +133,9 @@ def _span(design: Design, candidate: int) -> tuple[Array, Array]:
     choices = [0] if hypothesis.effect.timed(hypothesis.place) else list(hypothesis.effect.choices)
     same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
     grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
-    return grid.min(axis=0), grid.max(axis=0)
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    beyond = (_BEYOND if hypothesis.effect.sought else 0.0) * (high - low)
+    return np.minimum(low, own.theta - beyond), np.maximum(high, own.theta + beyond)
 
 
 def _neighbours(candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]) -> list[Candidate]:
@@ -233,8 +238,8 @@ def _covariance(
     if thetas:
         inner, _, response = _information(design, model, slopes)
         widths = np.concatenate([(high - low) for low, high in spans])
-        own = np.linalg.inv(inner + np.diag(12.0 / np.maximum(widths, 1e-12) ** 2))
-        own[widths == 0.0] = own[:, widths == 0.0] = 0.0
+        free, own = np.flatnonzero(widths > 0.0), np.zeros((thetas, thetas))
+        own[np.ix_(free, free)] = np.linalg.inv(inner[np.ix_(free, free)] + np.diag(12.0 / widths[free] ** 2))
         result[size:, size:] = own
         result[:size, size:] = -response @ own
         result[size:, :size] = result[:size, size:].T

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.accuracy import Searched
 from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.between_shapes import between_shapes
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -40,6 +41,7 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
             # What was chosen has the shapes that it has as chosen, and not those beside another law.
             new = trial if shaped is refined else set(trial) - set(chosen)
             shapes |= {k: own.theta for k, own in zip(trial, shaped.design.candidates, strict=True) if k in new}
+    shapes |= between_shapes(evidence, scores, chosen, refined)
     for k in chosen:
         for other, theta in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
             shapes.setdefault(other, theta)

@@ -25,6 +25,11 @@ EDGE = 0.02
 DEPTHS = (0.15, 0.35, 0.6)
 """Of the way that the last link makes along a wall's normal, what lies behind the wall, where one is tried first."""
 
+TURN = 0.4
+"""rad between two directions of walls, half of it: the farthest that a wall between them is turned."""
+DEEPER = 2.0
+"""Likewise, of what lies behind the walls that are tried, the ratio of two."""
+
 STILL = 1e-3
 """Of the largest spread of where the last link goes, below which it does not move along a direction."""
 
@@ -43,6 +48,7 @@ class Contact(Effect):
     units: ClassVar = {"where": "s", "force": "N"}
     choices = (0,)
     comes_and_goes = True
+    sought = True
     confused_with = ("load_dependent_friction", "friction_drift")
     experiment = "play the same path again, shifted by 5 cm"
 
@@ -64,6 +70,23 @@ class Contact(Effect):
             for share in DEPTHS
         ]
         return np.vstack([np.stack(times, axis=1), *walls])
+
+    def around(self, place: Place, scales: Scales, theta: Array, share: float) -> Array:
+        """Walls that are turned, or deeper, or less deep, and never so deep that they are hardly walls."""
+        if not _is_wall(theta):
+            return np.zeros((0, len(theta)))
+        normal, distance = _plane(theta)
+        depth = float((scales.tip @ normal).max()) - distance
+        aside = [axis - (axis @ normal) * normal for axis in _moved(scales.tip)]
+        turns = [_unit(way) for way in aside if np.linalg.norm(way) > STILL]
+        angle = TURN * share
+        ways = [normal, *(_unit(normal + sign * np.tan(angle) * turn) for turn in turns for sign in (-1.0, 1.0))]
+        result = []
+        for way, deeper in product(ways, (-share, 0.0, share)):
+            along = scales.tip @ way
+            behind = min(depth * DEEPER**deeper, DEPTHS[-1] * float(np.ptp(along)))
+            result.append(np.array([PLACE, *way, along.max() - behind]))
+        return np.array(result)
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         if _is_wall(theta):
@@ -109,14 +132,23 @@ class Contact(Effect):
 
 def _ways(tip: Array) -> Array:
     """(ways, 3) unit vectors in all directions in which the last link, at ``tip`` (samples, 3) m, moves."""
-    _, sizes, axes = np.linalg.svd(tip - tip.mean(axis=0), full_matrices=False)
-    moved = axes[sizes > STILL * sizes[0]] if sizes[0] > 0.0 else axes[:0]
+    moved = _moved(tip)
     ways = np.array(list(product((-1.0, 0.0, 1.0), repeat=3))) @ moved.T @ moved
     lengths = np.linalg.norm(ways, axis=1)
     ways = ways[lengths > STILL] / lengths[lengths > STILL, None]
     # As they come, but for rounding, and none twice.
     _, first = np.unique(np.round(ways, 9) + 0.0, axis=0, return_index=True)
     return np.asarray(np.round(ways[np.sort(first)], 12) + 0.0)
+
+
+def _moved(tip: Array) -> Array:
+    """(k, 3) unit vectors, across each other, along which the last link moves, at ``tip`` (samples, 3) m."""
+    _, sizes, axes = np.linalg.svd(tip - tip.mean(axis=0), full_matrices=False)
+    return np.asarray(axes[sizes > STILL * sizes[0]] if sizes[0] > 0.0 else axes[:0])
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _is_wall(theta: Array) -> bool:

@@ -103,6 +103,9 @@ class Law(ABC):
     shape that suits it best."""
     comes_and_goes: ClassVar[bool] = False
     """Whether it acts now and then alone: one that acts all of the time is something else."""
+    sought: ClassVar[bool] = False
+    """Whether its shape has so many dimensions that its grid is coarse in each: where it may stand for other causes,
+    shapes between those of the grid are tried too (`around`)."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
@@ -151,6 +154,11 @@ class Law(ABC):
         """(k, p) the non-linear parameters to try first, one choice a row; they are refined later within the span of
         each column of the grid."""
         return NO_THETA
+
+    def around(self, place: Place, scales: Scales, theta: Array, share: float) -> Array:
+        """(k, p) shapes about one of a law that is `sought`, as far from it as a ``share`` of what lies between two of
+        the grid."""
+        return np.zeros((0, len(theta)))
 
     @abstractmethod
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:

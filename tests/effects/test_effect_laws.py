@@ -120,6 +120,23 @@ def test_walls_lean_no_way_that_the_tool_does_not_move(signals: Signals) -> None
     assert not nowhere
 
 
+def test_walls_about_a_wall_are_near_it_and_none_is_met_always(signals: Signals) -> None:
+    contact = effect("contact")
+    place, scales = Place(), Scales.of([signals], 20.0)
+    normal = np.array([0.6, 0.0, 0.8])
+    along = signals.tip @ normal
+    for share in (1.0, 0.25):
+        deep = along.max() - 0.55 * np.ptp(along)
+        around = contact.around(place, scales, np.array([1.0, *normal, deep]), share)
+        assert len(np.unique(around.round(9), axis=0)) > 6
+        np.testing.assert_allclose(np.linalg.norm(around[:, 1:4], axis=1), 1.0)
+        assert np.arccos(np.clip(around[:, 1:4] @ normal, -1.0, 1.0)).max() < 0.41 * share
+        for wall in around:
+            there = scales.tip @ wall[1:4]
+            assert 0.0 < there.max() - wall[4] <= 0.6 * np.ptp(there) + 1e-12
+    assert not len(contact.around(place, scales, contact.grid(place, scales)[0], 1.0)), "a push at a time is no wall"
+
+
 def test_a_payload_is_a_body_at_the_flange(signals: Signals) -> None:
     mass, centre = 0.8, np.array([0.02, -0.01, 0.05])
     heavier = signals.body.prior()

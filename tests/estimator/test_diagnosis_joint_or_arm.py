@@ -71,6 +71,36 @@ def test_a_wall_is_no_law_of_the_joint_that_shows_it(
     assert error[2] == 0.0  # type: ignore[index]
 
 
+@pytest.mark.parametrize(
+    ("kinds", "normal", "at", "stiffness"),
+    [
+        ("rr", (-0.912, 0.409, 0.0), 0.070, 60.0),
+        ("rr", (0.443, 0.897, 0.0), 0.212, 100.0),
+        ("rrr", (0.394, 0.902, 0.175), 0.587, 60.0),
+        ("rrr", (-0.671, -0.726, 0.149), 0.323, 100.0),
+    ],
+)
+def test_a_wall_that_is_met_now_and_then_stands_between_those_that_are_tried(
+    make_chain: Chain,
+    play_twice: PlayTwice,
+    kinds: str,
+    normal: tuple[float, float, float],
+    at: float,
+    stiffness: float,
+) -> None:
+    """The nearest of the grid explains a sixth of what several lines of a joint do, or leads to no best wall."""
+    body = make_chain(kinds)
+    found = diagnose(body, play_twice(body, wall(body, normal, at, stiffness)))
+    assert names(found) == [("contact", None)]
+    assert found.unexplained == {}
+    (contact,) = found.findings
+    assert contact.status == "named"
+    into = np.array(normal) / np.linalg.norm(normal)
+    for name, true in (("where", at * into), ("force", -stiffness * into)):
+        told = contact.parameters[name]
+        assert np.all(np.abs(told.value - true) <= 4.0 * np.asarray(told.standard_error))
+
+
 @pytest.mark.parametrize(("amplitude", "bend", "centre"), [(0.2, 2.0, -0.5), (0.4, 2.0, 0.3), (0.2, 3.0, 0.3)])
 def test_a_wall_that_the_tool_is_never_before_is_none(
     make_chain: Chain, play_twice: PlayTwice, amplitude: float, bend: float, centre: float
