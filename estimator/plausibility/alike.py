@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
 from estimator.plausibility.given_model import GivenModel, thinned
-from estimator.plausibility.snapshot import Snapshot, rms, take
+from estimator.plausibility.snapshot import Snapshot, joined, rms, take
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory
 
@@ -25,6 +25,8 @@ stand-in's arms with large hidden effects, and of real ones, come down to 0.4; w
 another order or unit it is near zero."""
 _MATTERS = 0.1
 """Of the largest joint's: what is foretold for a joint below that is friction's prey."""
+_TOLD = 0.3
+"""Of what is foretold, its standard error: slow motions say nothing of the torques of fast ones."""
 _LEAST_ROWS = 60
 
 
@@ -36,13 +38,15 @@ def contradicting(body: RigidBody, learnt: Sequence[Trajectory], judged: Sequenc
     if not np.any(body.prior()[::10] > 0.0):
         return {}
     model = GivenModel(body, base_parameters(body))
+    # Each by itself: smoothed as long recordings are, short ones beside them would have no rows.
+    shots = {id(trajectory): take([trajectory]) for trajectory in (*learnt, *judged)}
     found = {}
     for number, trajectory in enumerate(judged):
-        others = take([other for other in learnt if other is not trajectory]) if len(learnt) > 1 else take(learnt)
-        own = take([trajectory])
-        if others is None or own is None or (len(learnt) == 1 and learnt[0] is trajectory):
+        others = [shot for other in learnt if other is not trajectory and (shot := shots[id(other)]) is not None]
+        own = shots[id(trajectory)]
+        if own is None or not others:
             continue
-        joints = _contradicted(model, thinned(others), own)
+        joints = _contradicted(model, thinned(joined(others)), own)
         if joints:
             found[number] = [body.joints[joint] for joint in joints]
     return found
@@ -52,13 +56,16 @@ def _contradicted(model: GivenModel, others: Snapshot, own: Snapshot) -> list[in
     told = model.foretold(others, own)
     if told is None:
         return []
-    pairs = [(foretold - np.mean(foretold), came - np.mean(came)) for foretold, came in told if len(came)]
-    joints = [joint for joint, (_, came) in enumerate(told) if len(came)]
-    largest = max(rms(foretold) for foretold, _ in pairs) if pairs else 0.0
+    moving = {joint: one for joint, one in enumerate(told) if len(one.came)}
+    pairs = {joint: (one.torque - np.mean(one.torque), one.came - np.mean(one.came)) for joint, one in moving.items()}
+    largest = max((rms(foretold) for foretold, _ in pairs.values()), default=0.0)
     return [
         joint
-        for joint, (foretold, came) in zip(joints, pairs, strict=True)
-        if len(came) >= _LEAST_ROWS and rms(foretold) > _MATTERS * largest and _agreement(foretold, came) < _ALIKE
+        for joint, (foretold, came) in pairs.items()
+        if len(came) >= _LEAST_ROWS
+        and rms(foretold) > _MATTERS * largest
+        and moving[joint].error < _TOLD * rms(foretold)
+        and _agreement(foretold, came) < _ALIKE
     ]
 
 

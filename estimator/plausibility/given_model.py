@@ -6,6 +6,7 @@ at the tool, should have made them is a far sharper question.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,6 +50,19 @@ class Judged:
         return float(np.exp(np.nanmean(np.log(np.maximum(self.left, 1e-9) / np.maximum(self.alone, 1e-9)))))
 
 
+@dataclass(frozen=True)
+class Foretold:
+    """Of a joint, where it moves."""
+
+    torque: Array
+    """(samples,) as it is foretold"""
+    came: Array
+    """(samples,) as it came"""
+    error: float
+    """rms of the standard error of what is foretold, about its mean: large where what was learnt from does not tell of
+    such a motion."""
+
+
 class GivenModel:
     """The given model as a prior that recordings, or other readings of them, are held against."""
 
@@ -70,19 +84,20 @@ class GivenModel:
             self._seen = shot.q, self._columns(shot)
         return _left(shot, self._seen[1], self._precision, self._beta)
 
-    def foretold(self, learnt: Snapshot, other: Snapshot) -> list[tuple[Array, Array]] | None:
-        """By joint, where it moves, the torques of another snapshot: as this model foretells them once it has been
-        fitted to the one that was learnt from, and as they came. None when too little moves to say."""
+    def foretold(self, learnt: Snapshot, other: Snapshot) -> list[Foretold] | None:
+        """By joint the torques of another snapshot, as this model foretells them once it has been fitted to the one
+        that was learnt from. None when too little moves to say."""
         system = _system(learnt, self._columns(learnt))
         if system.rows < _LEAST_ROWS:
             return None
         unknowns = _solved(system, self._precision, self._beta)
-        terms, rigid = friction_terms(other), self._columns(other) @ unknowns[: system.rank]
+        gram, _, scale = _normal(system, self._precision, self._beta)
+        covariance = np.linalg.inv(gram) / np.outer(scale, scale)
         told = []
-        for joint in range(self.body.n):
-            here = other.moving[:, joint] & other.usable[:, joint]
-            own = unknowns[system.rank + TERMS * joint : system.rank + TERMS * (joint + 1)]
-            told.append((rigid[here, joint] + terms[here, joint] @ own, other.tau[here, joint]))
+        for block, came in _blocks(other, self._columns(other)):
+            centred = block - block.mean(axis=0) if len(block) else block
+            error = np.sqrt(np.einsum("ij,jk,ik->i", centred, covariance, centred))
+            told.append(Foretold(block @ unknowns, came, rms(error)))
         return told
 
     def _columns(self, shot: Snapshot) -> Array:
@@ -131,17 +146,24 @@ class _System:
 
 def _system(shot: Snapshot, columns: Array) -> _System:
     """``columns`` (samples, n, rank) of the base parameters."""
+    blocks = []
+    for block, torque in _blocks(shot, columns):
+        weight = 1.0 / (_FLOOR * max(rms(torque), 1e-12))
+        blocks.append((weight * block, weight * torque))
+    return _System(blocks, columns.shape[2])
+
+
+def _blocks(shot: Snapshot, columns: Array) -> Iterator[tuple[Array, Array]]:
+    """Of each joint, where it moves and its torque says something, (rows, unknowns) the columns of all unknowns and
+    (rows,) its torque."""
     n, rank = shot.q.shape[1], columns.shape[2]
     terms = friction_terms(shot)
-    blocks: list[tuple[Array, Array]] = []
     for joint in range(n):
         here = shot.moving[:, joint] & shot.usable[:, joint]
         block = np.zeros((int(here.sum()), rank + TERMS * n))
         block[:, :rank] = columns[here, joint]
         block[:, rank + TERMS * joint : rank + TERMS * (joint + 1)] = terms[here, joint]
-        weight = 1.0 / (_FLOOR * max(rms(shot.tau[here, joint]), 1e-12))
-        blocks.append((weight * block, weight * shot.tau[here, joint]))
-    return _System(blocks, rank)
+        yield block, shot.tau[here, joint]
 
 
 def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Array | None:
@@ -156,6 +178,23 @@ def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Arra
 
 def _solved(system: _System, precision: Array, beta: Array) -> Array:
     rank, size = system.rank, system.blocks[0][0].shape[1]
+    gram, right, scale = _normal(system, precision, beta)
+    bounded = np.arange(size) >= rank
+    bounded[rank + TERMS - 1 :: TERMS] = False
+    unknowns, free = np.zeros(size), np.ones(size, dtype=np.bool_)
+    while True:
+        unknowns[:] = 0.0
+        unknowns[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free])
+        negative = bounded & (unknowns < 0.0)
+        if not negative.any():
+            break
+        free &= ~negative
+    return np.asarray(unknowns / scale)
+
+
+def _normal(system: _System, precision: Array, beta: Array) -> tuple[Array, Array, Array]:
+    """Matrix and right-hand side of the normal equations of the unknowns times their ``scale``, and that."""
+    rank, size = system.rank, system.blocks[0][0].shape[1]
     gram, right = np.zeros((size, size)), np.zeros(size)
     gram[:rank, :rank], right[:rank] = precision, precision @ beta
     for block, target in system.blocks:
@@ -163,15 +202,4 @@ def _solved(system: _System, precision: Array, beta: Array) -> Array:
         right += block.T @ target
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0.0] = 1.0
-    gram = gram / np.outer(scale, scale) + _RIDGE * np.eye(size)
-    bounded = np.arange(size) >= rank
-    bounded[rank + TERMS - 1 :: TERMS] = False
-    unknowns, free = np.zeros(size), np.ones(size, dtype=np.bool_)
-    while True:
-        unknowns[:] = 0.0
-        unknowns[free] = np.linalg.solve(gram[np.ix_(free, free)], (right / scale)[free])
-        negative = bounded & (unknowns < 0.0)
-        if not negative.any():
-            break
-        free &= ~negative
-    return np.asarray(unknowns / scale)
+    return gram / np.outer(scale, scale) + _RIDGE * np.eye(size), right / scale, scale

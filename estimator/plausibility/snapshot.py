@@ -100,6 +100,16 @@ def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
     return Snapshot(q[thinned], dq[thinned], ddq[thinned], tau[thinned], moving, told, _FLAT * band)
 
 
+def joined(shots: Sequence[Snapshot]) -> Snapshot:
+    """All of them in one, thinned to what one of them has; flat to where the widest is."""
+    every = slice(None, None, len(shots))
+    kept = {
+        name: np.concatenate([getattr(shot, name)[every] for shot in shots])
+        for name in ("q", "dq", "ddq", "tau", "moving", "usable")
+    }
+    return Snapshot(**kept, band=max(shot.band for shot in shots))
+
+
 def _band(trajectories: Sequence[Trajectory]) -> float:
     """Hz of a filter whose two ends take no more than half of the longest recording."""
     ends = max(2 * plan_filter(t.rate, _FILTER_BAND).edge / t.rate for t in trajectories)

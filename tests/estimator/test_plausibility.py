@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, identify_links, inverse_dynamics, load_rigid_body
-from estimator.plausibility import Doubt, cut_off, dead, examine, without_unusable_torques
+from estimator.plausibility import Doubt, contradicting, cut_off, dead, examine, without_unusable_torques
 
 Array = NDArray[np.float64]
 Periodic = Callable[..., tuple[Array, Array, Array, Array]]
@@ -191,3 +191,25 @@ def test_dead_channel_is_left_out(six_axis: RigidBody, recording: Trajectory) ->
     found = identify_links(six_axis, [usable])
     assert found.fit.joints["j1"].in_motion == 0.0
     assert found.fit.joints["j2"].relative < 0.1
+
+
+def test_slow_motions_say_nothing_of_the_torques_of_fast_ones(make_chain: Callable[..., RigidBody]) -> None:
+    """Creeping motions, whose torque is gravity and friction, beside short fast ones: all of one arm. Fast ones tell of
+    each other, whatever lies beside them."""
+    body = make_chain("rrr")
+
+    def swing(hertz: float, amplitude: tuple[float, ...], seconds: float, seed: int) -> Trajectory:
+        random, t = np.random.default_rng(seed), np.arange(round(250.0 * seconds)) / 250.0
+        w, a = 2.0 * np.pi * hertz * np.array([1.0, 1.3, 0.8]), np.array(amplitude)
+        sine, cosine = np.sin(w * t[:, None]), np.cos(w * t[:, None])
+        q, dq, ddq = 0.3 + a * sine, a * w * cosine, -a * w**2 * sine
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + 0.4 * np.sign(dq)
+        return Trajectory(t, q, tau + 0.05 * random.normal(size=q.shape))
+
+    for hertz in (1.0, 1.5):
+        slow = [swing(0.05, (0.02, 0.5, 0.6), 24.0, seed) for seed in (0, 1)]
+        fast = [swing(hertz, (0.8, 0.6, 0.8), 2.0, seed) for seed in (2, 3, 4)]
+        for learnt, judged in ((slow, fast), (fast, slow), ([*slow, *fast], [*slow, *fast])):
+            assert contradicting(body, learnt, judged) == {}
+        wrong = [replace(fast[0], tau=-fast[0].tau), *fast[1:]]
+        assert 2 in contradicting(body, [*slow, *wrong], [*slow, *wrong])
