@@ -203,11 +203,11 @@ def test_slow_motions_say_nothing_of_the_torques_of_fast_ones(make_chain: Callab
         w, a = 2.0 * np.pi * hertz * np.array([1.0, 1.3, 0.8]), np.array(amplitude)
         sine, cosine = np.sin(w * t[:, None]), np.cos(w * t[:, None])
         q, dq, ddq = 0.3 + a * sine, a * w * cosine, -a * w**2 * sine
-        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + 0.4 * np.sign(dq)
-        return Trajectory(t, q, tau + 0.05 * random.normal(size=q.shape))
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + 2.0 * np.sign(dq)
+        return Trajectory(t, q, tau + 0.3 * random.normal(size=q.shape))
 
     for hertz in (1.0, 1.5):
-        slow = [swing(0.05, (0.02, 0.5, 0.6), 24.0, seed) for seed in (0, 1)]
+        slow = [swing(0.05, (0.02, 0.1, 0.1), 24.0, seed) for seed in (0, 1)]
         fast = [swing(hertz, (0.8, 0.6, 0.8), 2.0, seed) for seed in (2, 3, 4)]
         for learnt, judged in ((slow, fast), (fast, slow), ([*slow, *fast], [*slow, *fast])):
             assert contradicting(body, learnt, judged) == {}
