@@ -44,9 +44,12 @@ def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
 def of_form(wide: Conditional, plain: Conditional) -> float:
     """nats that a law explains beyond a plainer one, to be held against what a form is exact to: without end where what
     the drives read while they are off refutes the plainer one, for no form of a friction bends that."""
-    if _by_reading(wide) - _by_reading(plain) > _REFUTED:
-        return np.inf
-    return wide.explained - plain.explained
+    return np.inf if read_apart(wide, plain) else wide.explained - plain.explained
+
+
+def read_apart(wide: Conditional, plain: Conditional) -> bool:
+    """Whether what the drives read while they are off refutes a plainer law, and not the wider one."""
+    return _by_reading(wide) - _by_reading(plain) > _REFUTED
 
 
 def _by_reading(model: Conditional) -> float:

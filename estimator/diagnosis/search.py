@@ -9,7 +9,7 @@ from itertools import combinations
 from estimator.diagnosis.admission import INSTEAD, Admission
 from estimator.diagnosis.borne_out import BORNE_OUT
 from estimator.diagnosis.design import Candidate
-from estimator.diagnosis.forms import forms_of
+from estimator.diagnosis.forms import forms_of, read_apart
 from estimator.diagnosis.lack_of_fit import left_to_see
 from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals
 from estimator.diagnosis.scores import Scores
@@ -311,11 +311,12 @@ class Search:
 
     def _with_special(self, candidate: int, chosen: list[int], near: list[Alternative]) -> list[Alternative]:
         """The alternatives of a cause, nearest first: its special cases are as far behind as all of them together,
-        beyond what the form of none of them is exact to."""
+        beyond what the form of none of them is exact to, unless the drives tell them apart while they are off."""
         special = self.special(candidate, chosen)
         if not special:
             return near
-        inexact = _EXACT * self.scores.nats_there(candidate, chosen)
+        read = read_apart(self.scores.model(chosen), self.scores.model(special))
+        inexact = 0.0 if read else _EXACT * self.scores.nats_there(candidate, chosen)
         behind = max(self.scores.support(chosen) - self.scores.support(special) - inexact, 0.0)
         own = {int(self.scores.owner[k]): Alternative(k, behind) for k in special if k not in chosen}
         anew = (min(a, own.get(int(self.scores.owner[a.candidate]), a), key=lambda one: one.gap) for a in near)

@@ -132,6 +132,18 @@ def test_no_form_of_a_friction_bends_what_the_drives_read(arm: RigidBody) -> Non
     assert causes(diagnose(arm, recordings, drives_off=[at_rest(0.0 * OFFSET)])) == {"asymmetric_friction": "named"}
 
 
+def sharp(level: float, more_one_way: float) -> Callable[[Array], Array]:
+    return lambda speed: np.asarray(level * np.sign(speed) + more_one_way + 0.4 * speed)
+
+
+@pytest.mark.parametrize("law", [sharp(10.0, 0.1), sharp(10.0, 0.3), bristles(10.0, 0.3, 2e-4)])
+def test_an_offset_that_the_drives_do_not_read_is_no_alternative(arm: RigidBody, law: Callable[[Array], Array]) -> None:
+    """However little of the torque the asymmetry is."""
+    (found,) = diagnose(arm, swings(arm, law), drives_off=[at_rest(0.0 * OFFSET)]).findings
+    assert (found.effect, found.status) == ("asymmetric_friction", "named")
+    assert all(other.log_likelihood_gap > 3.0 for other in found.alternatives)
+
+
 def test_a_reading_is_as_exact_as_its_own_scatter_whatever_the_motions_noise_is(arm: RigidBody) -> None:
     off = at_rest(OFFSET)
     quiet = replace(off, tau=OFFSET + 0.1 * (off.tau - OFFSET))
