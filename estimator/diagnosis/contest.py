@@ -102,8 +102,8 @@ class Contest:
         the same part in each playing, so that rests tell little of it."""
         turning = dict(self.noise.turning)
         for number, channel in enumerate(self.design.channels):
-            held = self._friction(signals, channel)
-            if channel.equation == "torque" and held > 0.0:
+            held = self._friction(signals, channel) if channel.equation == "torque" else 0.0
+            if held > 0.0 or number in turning:
                 own = turning.get(number, Turning(channel.index, 0.0, 1.0))
                 turning[number] = replace(own, held=np.sqrt(playings) * held)
         return replace(self.noise, turning=turning)

@@ -194,7 +194,7 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
             decimate,
             noise,
             np.empty((len(members) + 1, rows)),
-            noise.of_turns(channel, stretch.signals.q, decimation),
+            noise.of_turns(channel, stretch.signals.q, stretch.signals.dq, decimation),
         )
         for channel, members in enumerate(design.members)
     ]
@@ -290,6 +290,6 @@ def candidate_rows(
     decimate, columns = Decimator(decimation), candidate_columns(design, candidate, stretch.signals)
     result = []
     for row, channel in enumerate(candidate.channels):
-        turns = noise.of_turns(channel, stretch.signals.q, decimation)
+        turns = noise.of_turns(channel, stretch.signals.q, stretch.signals.dq, decimation)
         result.append(settled(turns, noise.whiten(channel, decimate(columns[:, row].T))))
     return result

@@ -12,6 +12,7 @@ from estimator.diagnosis.bent_links import bent
 from estimator.diagnosis.detectable import smallest_detectable
 from estimator.diagnosis.evidence import Evidence, cut, gather
 from estimator.diagnosis.first_body import has_bodies
+from estimator.diagnosis.first_look import standing_throughout
 from estimator.diagnosis.grams import sum_up, total
 from estimator.diagnosis.judging import Judged, judge
 from estimator.diagnosis.noise import Noise
@@ -162,6 +163,12 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
     if (reading := evidence.design.reading) is not None and reading.silent:
         silent = ", ".join(given.joints[k] for k in reading.silent)
         notes.append(f"the drives of {silent} measure nothing while they are off: their offsets are not read")
+    if still := standing_throughout(evidence.pieces):
+        stand = ", ".join(given.joints[k] for k in still)
+        notes.append(
+            f"{stand} never moved: friction may hold it by any torque, so that nothing is said of what acts there; "
+            "record a motion of it"
+        )
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

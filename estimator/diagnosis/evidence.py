@@ -9,12 +9,13 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.drives_off import read_off
 from estimator.diagnosis.first_body import first_body, has_bodies
-from estimator.diagnosis.first_look import first_look, with_turns
+from estimator.diagnosis.first_look import first_look, standing_throughout, with_turns
 from estimator.diagnosis.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -67,13 +68,19 @@ def gather(
 ) -> Evidence:
     """One pass over the recordings; ``drives_off``: those in which the drives are off.
 
-    Raises InputError when no recording has a gapless stretch that is long enough, or one was not made with the drives
-    off.
+    Raises InputError when no recording has a gapless stretch that is long enough, when no joint moves, or when one was
+    not made with the drives off.
     """
     reading = read_off(body, drives_off) if drives_off else None
     given, body = body, first_body(body, trajectories)
     grid = make_grid(body, trajectories)
     pieces = cut(body, grid, trajectories)
+    if len(standing_throughout(pieces)) == body.n:
+        raise InputError(
+            ", ".join(dict.fromkeys(one.name for one in trajectories)),
+            "no joint moves, and friction may hold each of them by any torque",
+            "record motions of all joints, each played twice",
+        )
     repeats = find_repeats(trajectories)
     base = base_parameters(body)
     hypotheses = [
@@ -123,7 +130,8 @@ def weighed(
     look = first_look(design, pieces, decimations, noise)
     # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be.
     noise = repeated_noise(rows, unseen, exact, playings(repeats, grid, lay(pieces, look.left))) or noise
-    noise = with_turns(look, pieces, decimations, noise)
+    again = max((len(group.occurrences) for group in repeats), default=1)
+    noise = with_turns(look, pieces, decimations, noise, again)
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

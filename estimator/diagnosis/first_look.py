@@ -12,7 +12,7 @@ from estimator.diagnosis.design import Design, stretch_rows
 from estimator.diagnosis.grams import Sheet, total
 from estimator.diagnosis.noise import Noise
 from estimator.diagnosis.stretches import Stretch
-from estimator.diagnosis.turning import Turning, most_likely
+from estimator.diagnosis.turning import REST, Turning, most_likely, standing, stands_throughout
 from estimator.diagnosis.weighted import Weighted
 from estimator.filtering import Decimator
 
@@ -22,6 +22,10 @@ _DRY = ("coulomb_friction", "presliding")
 _LAWS = (*_DRY, "viscous_friction")
 _LOUD = 2.0
 """Standard deviations of the noise, below which the reversals of a dry friction are not to be seen."""
+_EVENLY = 3.0**-0.5
+"""Of its level, the standard deviation of a dry friction that holds a joint by any torque within it."""
+_HOLDS = 0.05
+"""Standard deviations of the noise, below which rests are no less sure for it than by their noise."""
 _TOLD = 1e-10
 """Of the largest direction of all columns, made alike: in smaller ones they differ by rounding."""
 
@@ -51,27 +55,59 @@ def first_look(design: Design, pieces: Sequence[Stretch], decimations: Sequence[
     return FirstLook(look, value, tuple(left))
 
 
-def with_turns(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> Noise:
-    """The noise with the errors of reversals beside it, of the channels that show any."""
-    span = np.max([np.ptp(piece.signals.q, axis=0) for piece in pieces], axis=0)
-    decimators = [Decimator(step) for step in decimations]
+def with_turns(
+    look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, playings: int
+) -> Noise:
+    """The noise with the errors of reversals beside it, of the channels that show any, and of what a dry friction holds
+    a joint by where it stands: any torque within its level, and the same in all ``playings`` of a motion."""
     result = {}
     for number, channel in enumerate(look.design.channels):
-        friction = _dry(look, channel.index)
-        if channel.equation != "torque" or friction < _LOUD * noise.likely[number]:
+        if channel.equation != "torque":
             continue
-        spreads = {step: noise.spread(number, step) for step in set(decimations)}
-        rows = [decimate(own[:, [number]].T) for decimate, own in zip(decimators, look.left, strict=True)]
-        error, way = most_likely(
-            [noise.whiten(number, own)[0] for own in rows],
-            [piece.signals.q[:, channel.index] for piece in pieces],
-            [spreads[step] for step in decimations],
-            friction,
-            float(span[channel.index]),
-        )
-        if error > 0.0:
-            result[number] = Turning(channel.index, error, way)
+        turning = _reversals(look, pieces, decimations, noise, number)
+        held = _held(look, pieces, decimations, number) * playings**0.5
+        if held > _HOLDS * noise.likely[number]:
+            turning = replace(turning, held=held)
+        if turning.error > 0.0 or turning.held > 0.0:
+            result[number] = turning
     return replace(noise, turning=result)
+
+
+def standing_throughout(pieces: Sequence[Stretch]) -> list[int]:
+    """Joints that never move."""
+    q = np.concatenate([piece.signals.q for piece in pieces])
+    return [joint for joint in range(q.shape[1]) if stands_throughout(q[:, joint])]
+
+
+def _reversals(
+    look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, number: int
+) -> Turning:
+    """The errors of a channel's reversals; zero where there are hardly any."""
+    joint = look.design.channels[number].index
+    friction, span = _dry(look, joint), float(max(np.ptp(piece.signals.q[:, joint]) for piece in pieces))
+    if friction < _LOUD * noise.likely[number]:
+        return Turning(joint, 0.0, span)
+    spreads = {step: noise.spread(number, step) for step in set(decimations)}
+    rows = [Decimator(step)(own[:, [number]].T) for step, own in zip(decimations, look.left, strict=True)]
+    error, way = most_likely(
+        [noise.whiten(number, own)[0] for own in rows],
+        [piece.signals.q[:, joint] for piece in pieces],
+        [spreads[step] for step in decimations],
+        friction,
+        span,
+    )
+    return Turning(joint, error, way)
+
+
+def _held(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], number: int) -> float:
+    """N·m, standard deviation of what a channel's joint is held by in rests; zero where it has none. Of a joint that
+    never moves the friction is not known, and may be all that the torque is off by."""
+    joint = look.design.channels[number].index
+    motions = [(piece.signals.q[:, joint], piece.signals.dq[:, joint]) for piece in pieces]
+    if joint in standing_throughout(pieces):
+        return float(max(np.abs(piece.residual[:, number]).max() for piece in pieces))
+    rests = any(np.any(standing(*motion, REST * step)) for motion, step in zip(motions, decimations, strict=True))
+    return max(_dry(look, joint), 0.0) * _EVENLY if rests else 0.0
 
 
 def _fitted(look: Design, rows: Sequence[Sequence[Array]]) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import correlate1d
 
-from estimator.diagnosis.turning import Spread, Turning, factor
+from estimator.diagnosis.turning import REST, Spread, Turning, factor
 from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]
@@ -70,14 +70,15 @@ class Noise:
         decimate = Decimator(decimation)
         return Spread(lambda samples: self.whiten(channel, decimate(samples)), decimation)
 
-    def of_turns(self, channel: int, q: Array, decimation: int) -> Array | None:
-        """What `turning.settled` takes, of a channel's rows during a motion with these angles (samples, n); None where
-        they are white as they are."""
+    def of_turns(self, channel: int, q: Array, dq: Array, decimation: int) -> Array | None:
+        """What `turning.settled` takes, of a channel's rows during a motion with these angles and speeds (samples, n);
+        None where they are white as they are."""
         turning = self.turning.get(channel)
         rows = -(-len(q) // decimation) - self.past
         if turning is None or rows <= 0:
             return None
-        return factor(self.spread(channel, decimation).covariance(turning.variance(q), rows))
+        variance = turning.variance(q, dq, REST * decimation)
+        return factor(self.spread(channel, decimation).covariance(variance, rows))
 
 
 def autoregressive(autocovariance: Array, rows: float, most: int = ORDER) -> Array:

@@ -33,8 +33,10 @@ _MOST = 1e10
 """Of the noise's variance: beside more, it would be lost in rounding."""
 _STANDS = 0.01
 """Of its fastest: slower a joint is as good as standing, held by bristles that have not let go."""
-_ROUNDING = 1e-12
-"""rad, m between two samples of a joint that is planned to stand throughout."""
+REST = 2
+"""Rows for which a joint stands at least that is held; less is its turning round."""
+_TRAVEL = 1e-3
+"""rad, m: with less from end to end a joint stands throughout, however its servo trembles."""
 _NOTHING = 1e-6
 """Of the largest response: rows that a sample's error does not reach."""
 
@@ -49,13 +51,13 @@ class Turning:
     way: float
     """rad from there over which it falls to 1/e."""
     held: float = 0.0
-    """N·m, standard deviation of what a standing joint is held by, the same for as long as it stands. Of recordings it
-    is zero, since there the noise has it."""
+    """N·m, standard deviation of what a standing joint is held by, the same for as long as it stands."""
 
-    def variance(self, q: Array) -> Array:
-        """(samples,) of angles (samples, n)."""
-        angle = q[:, self.joint]
-        return np.asarray(np.square(self.error * near_turns(angle, self.way)) + self.held**2 * standing(angle))
+    def variance(self, q: Array, dq: Array, least: int) -> Array:
+        """(samples,) of angles and speeds (samples, n); ``least`` as `standing` takes it."""
+        angle, speed = q[:, self.joint], dq[:, self.joint]
+        turns, stands = near_turns(angle, self.way), standing(angle, speed, least)
+        return np.asarray(np.square(self.error * turns) + self.held**2 * stands)
 
 
 def near_turns(q: Array, way: float) -> Array:
@@ -74,18 +76,25 @@ def near_turns(q: Array, way: float) -> Array:
     return np.asarray(np.exp(-np.minimum(before, after) / way))
 
 
-def standing(q: Array) -> Array:
-    """(samples,) how many samples angles (samples,) as good as stand still for, at each of them; zero where they move.
+def standing(q: Array, dq: Array, least: int) -> Array:
+    """(samples,) how many samples a joint with angles and speeds (samples,) as good as stands still for, at each of
+    them; zero where it moves, or stands for less than ``least`` samples, as where it turns round.
 
     So many errors of single samples have a mean as unsure as one of them divided by the root of their number: times
     this, their variance is that of an error which they all share.
     """
-    steps = np.abs(np.diff(q))
-    moves = np.concatenate([[True], steps > max(_STANDS * steps.max(initial=0.0), _ROUNDING), [True]])
-    # A sample stands that is as the one before it, or the one after.
-    begins = np.flatnonzero(moves)
-    lengths = np.diff(begins)
-    return np.repeat(np.where(lengths > 1, lengths, 0), lengths).astype(np.float64)
+    stands = (np.abs(dq) <= _STANDS * np.abs(dq).max(initial=0.0)) | stands_throughout(q)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], stands.astype(int), [0]])))
+    result = np.zeros(len(q))
+    for begin, end in edges.reshape(-1, 2):
+        if end - begin >= least:
+            result[begin:end] = end - begin
+    return result
+
+
+def stands_throughout(q: Array) -> bool:
+    """Whether a joint with these angles (samples,) moves nowhere."""
+    return bool(np.ptp(q) <= _TRAVEL) if len(q) else True
 
 
 class Spread:

@@ -205,9 +205,13 @@ def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_h
 def test_a_joint_that_stands_throughout_does_so_but_for_rounding() -> None:
     random = np.random.default_rng(0)
     still = 1.2 + 2e-16 * random.integers(-1, 2, 200)
-    assert set(standing(still)) == {200.0}
+    assert set(standing(still, np.gradient(still), 2)) == {200.0}
+    trembling = 1.2 + 1e-4 * random.normal(size=200)
+    assert set(standing(trembling, np.gradient(trembling), 2)) == {200.0}
     going = np.concatenate([np.full(50, 0.3), 0.3 + 0.01 * np.arange(150)])
-    np.testing.assert_array_equal(standing(going), np.repeat([51.0, 0.0], [51, 149]))
+    speed = np.repeat([0.0, 0.01], [50, 150])
+    np.testing.assert_array_equal(standing(going, speed, 2), np.repeat([50.0, 0.0], [50, 150]))
+    assert not standing(going, speed, 51).any()
 
 
 def test_drives_that_are_off_tell_an_asymmetric_friction_from_a_symmetric_one_with_an_offset(

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import gather
 from estimator.diagnosis.noise import ORDER, Noise
 from estimator.diagnosis.turning import factor, most_likely, near_turns, settled
@@ -101,3 +102,41 @@ def test_what_a_law_tells_is_no_error_of_reversals(
             tau[:, 1] += 6.0 * NOISE * (1.0 + rise) * np.sign(dq[:, 1])
         recordings.append(Trajectory(t, q + 1e-6 * random.normal(size=q.shape), tau))
     assert not gather(body, recordings, 0.05).noise.turning
+
+
+@pytest.mark.parametrize("held", [0.6, -0.5])
+def test_what_friction_holds_a_standing_joint_by_is_no_evidence_of_an_offset(
+    make_chain: Callable[..., RigidBody], held: float
+) -> None:
+    """A joint that goes forth and back between rests, in each of which its friction has the same part of its level, as
+    a servo leaves it there in every playing."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(4), []
+    t = np.arange(500) / 250.0
+    moves = t < 1.2
+    s = np.where(moves, t / 1.2, 1.0)
+    way, speed, rise = (
+        10 * s**3 - 15 * s**4 + 6 * s**5,
+        30 * s**2 - 60 * s**3 + 30 * s**4,
+        60 * s - 180 * s**2 + 120 * s**3,
+    )
+    for stroke in (0.6, 1.0, 1.4):
+        q, dq, ddq = [], [], []
+        for begin, sign in ((0.0, 1.0), (1.0, -1.0)) * 2:
+            a = stroke * np.array([1.0, -0.7])
+            q.append(a * (begin + sign * way[:, None]))
+            dq.append(a * sign * speed[:, None] / 1.2)
+            ddq.append(a * sign * rise[:, None] / 1.44)
+        angle, rate, pull = (np.concatenate(x) for x in (q, dq, ddq))
+        tau = inverse_dynamics(body, body.prior(), angle, rate, pull)
+        stands = np.tile(~moves, 4)
+        tau[:, 0] += np.where(stands, held, np.sign(rate[:, 0]))
+        for _ in range(2):
+            measured = angle + 1e-6 * random.normal(size=angle.shape)
+            recordings.append(
+                Trajectory(np.arange(len(angle)) / 250.0, measured, tau + 0.2 * random.normal(size=tau.shape))
+            )
+    found = diagnose(body, recordings)
+    assert [(f.effect, f.place.joint, f.status) for f in found.findings] == [("coulomb_friction", 0, "named")]
+    assert found.unexplained == {}
+    level = found.findings[0].parameters["level"]
+    assert abs(float(level.value) - 1.0) < 3.0 * float(level.standard_error)
