@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -30,7 +31,7 @@ def main() -> int:
     plans = [plan for seed in options.seed for plan in draw_plans(options.scenarios, seed)]
     if options.kind:
         plans = [Plan(plan.number, plan.seed, plan.arm, (options.kind,), options.size, plan.scatter) for plan in plans]
-    plans = [replace(plan, seconds=options.seconds, friction=options.friction) for plan in plans]
+    plans = [replace(plan, **_alike(options)) for plan in plans]
     results: list[Judgement] = []
     finder = by_command if options.command else in_process
     with ProcessPoolExecutor(options.processes) as pool:
@@ -45,13 +46,18 @@ def main() -> int:
     return 0
 
 
+def _alike(options: argparse.Namespace) -> dict[str, Any]:
+    """What all plans have."""
+    return {"seconds": options.seconds, "friction": options.friction, "rests": options.rests}
+
+
 def _experiments(options: argparse.Namespace) -> int:
     """Of ``--experiments`` scenarios with one cause each, what designed motions decide of the ambiguous ones."""
     drawn = [plan for seed in options.seed for plan in draw_plans(4 * options.experiments, seed)]
     plans = [plan for plan in drawn if len(plan.kinds) == 1 and plan.kinds[0] in CATALOGUE][: options.experiments]
     if options.arm:
         plans = [replace(plan, arm=options.arm) for plan in plans]
-    plans = [replace(plan, seconds=options.seconds, friction=options.friction) for plan in plans]
+    plans = [replace(plan, **_alike(options)) for plan in plans]
     cases = []
     with ProcessPoolExecutor(options.processes) as pool:
         for plan, case in zip(plans, pool.map(decided, plans), strict=True):
@@ -78,6 +84,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--arm", choices=ARMS, help="with --experiments: this arm alone")
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
     parser.add_argument("--friction", type=float, default=0.0, help="of every joint beside the causes, likewise (0)")
+    parser.add_argument("--rests", action="store_true", help="motions from point to point, with rests between")
     parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
     parser.add_argument("--wire", action="store_true", help="play over the wire, by the daemon and the stand-in arm")
     parser.add_argument("--seconds", type=float, default=60.0, help="of motion to learn from (60)")

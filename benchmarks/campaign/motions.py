@@ -19,6 +19,7 @@ SHARE_OF_LIMITS = 0.8
 SMALLEST = 0.4
 REST_S = 0.25
 """Standing still before each motion, recorded with it."""
+_ORDER = ("a", "b", "c", "a", "b", "c", "held-out-a", "held-out-a")
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,18 @@ def draw_playlist(installation: Installation, rng: Generator, seconds: float) ->
         "c": _sampled("c", _sweeps(installation, rng, each), installation),
         "held-out-a": _sampled("held-out-a", _mixed(installation, rng, 0.7 * each), installation),
     }
-    return Playlist(motions, ("a", "b", "c", "a", "b", "c", "held-out-a", "held-out-a"))
+    return Playlist(motions, _ORDER)
+
+
+def draw_programs(installation: Installation, rng: Generator, seconds: float) -> Playlist:
+    """As `draw_playlist`, of motions from point to point that move some of the joints at a time, and rest between for
+    two fifths of the time: what an arm does at work."""
+    lengths = {"a": 1.0, "b": 1.0, "c": 1.0, "held-out-a": 0.7}
+    motions = {
+        name: _sampled(name, _program(installation, rng, length * seconds / 6.0), installation)
+        for name, length in lengths.items()
+    }
+    return Playlist(motions, _ORDER)
 
 
 def _span(installation: Installation) -> tuple[Array, Array, Array]:
@@ -74,6 +86,18 @@ def _way_points(installation: Installation, rng: Generator, seconds: float) -> C
     return RestToRest(
         np.array([home, *points, home]), (rng.uniform(0.7, 1.3, moves) * seconds / moves).tolist(), 5, 0.15
     )
+
+
+def _program(installation: Installation, rng: Generator, seconds: float) -> Curve:
+    home, low, high = _span(installation)
+    moves = max(3, round(seconds / 2.2))
+    points = [home]
+    for _ in range(moves - 1):
+        goes = rng.random(len(home)) < 0.6
+        goes[rng.integers(len(home))] = True
+        points.append(np.where(goes, home + rng.uniform(low, high), points[-1]))
+    times = rng.uniform(0.5, 1.4, moves) * 0.6 * seconds / moves
+    return RestToRest(np.array([*points, home]), times.tolist(), 5, 0.4 * seconds / moves)
 
 
 def _sweeps(installation: Installation, rng: Generator, seconds: float) -> Curve:

@@ -25,7 +25,7 @@ SCATTER = (0.0, 0.02, 0.05)
 @dataclass(frozen=True)
 class Plan:
     """What a scenario is to be. ``kinds`` are keys of `ALL`, ``size`` of each in multiples of the noise; ``friction``
-    of every joint beside them, likewise."""
+    of every joint beside them, likewise; ``rests``: the motions go from point to point, and rest in each."""
 
     number: int
     seed: int
@@ -35,13 +35,15 @@ class Plan:
     scatter: float = 0.05
     seconds: float = 60.0
     friction: float = 0.0
+    rests: bool = False
 
     @property
     def name(self) -> str:
         """Of its folder, where it is kept."""
         kinds = "+".join(self.kinds).replace(":", "-") or "clean"
         told = f"{self.seed}-{self.number:04d}-{self.arm}-{kinds}-{self.size:g}-{self.scatter:g}-{self.seconds:g}s"
-        return f"{told}-friction-{self.friction:g}" if self.friction else told
+        told += f"-friction-{self.friction:g}" if self.friction else ""
+        return f"{told}-rests" if self.rests else told
 
 
 def draw_plans(count: int, seed: int, sizes: Sequence[float] = (0.2, 0.4, 0.8, 1.0, 2.0)) -> list[Plan]:

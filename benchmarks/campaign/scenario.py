@@ -14,7 +14,7 @@ from numpy.random import Generator
 from benchmarks.campaign.arms import TrueArm, hidden_bodies, scattered, true_arm, without_moment, write_urdf
 from benchmarks.campaign.cause import Cause, Named, Tables, merged
 from benchmarks.campaign.friction_causes import everywhere
-from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist
+from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist, draw_programs
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
@@ -122,7 +122,7 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
     arm = true_arm(plan.arm)
     write_urdf(arm, scattered(arm.bodies, plan.scatter, rng), urdf)
     installation = _with_urdf(arm.installation, urdf)
-    playlist = draw_playlist(installation, rng, plan.seconds)
+    playlist = (draw_programs if plan.rests else draw_playlist)(installation, rng, plan.seconds)
     noise = _noise_tables(arm, float(np.exp(0.3 * rng.standard_normal())))
     sensors = _torque_noise(noise, arm)
     deviation = noise_deviation(sensors)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from benchmarks.campaign.arms import ARMS, true_arm
 from benchmarks.campaign.cause import Cause, merged, named
 from benchmarks.campaign.finding import in_process
 from benchmarks.campaign.friction_causes import FRICTION, everywhere
-from benchmarks.campaign.motions import draw_playlist
+from benchmarks.campaign.motions import Playlist, draw_playlist, draw_programs
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.plans import ALL, CATALOGUE, Plan, draw_plans
 from benchmarks.campaign.playing import Run, play
@@ -70,10 +71,11 @@ def test_right_answers_are_names_of_the_catalogue() -> None:
     assert named <= set(catalogue())
 
 
+@pytest.mark.parametrize("draw", [draw_playlist, draw_programs])
 @pytest.mark.parametrize("arm", ARMS)
-def test_motions_keep_the_arms_limits_and_meet_at_home(arm: str) -> None:
+def test_motions_keep_the_arms_limits_and_meet_at_home(arm: str, draw: Callable[..., Playlist]) -> None:
     installation = true_arm(arm).installation
-    playlist = draw_playlist(installation, np.random.default_rng(2), 60.0)
+    playlist = draw(installation, np.random.default_rng(2), 60.0)
     for motion in playlist.motions.values():
         check_motion(motion, installation)
         np.testing.assert_allclose(motion.q[[0, -1]], [installation.arm.home_rad] * 2, atol=1e-6)
