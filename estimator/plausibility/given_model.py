@@ -59,8 +59,8 @@ class Foretold:
     came: Array
     """(samples,) as it came"""
     error: float
-    """rms of the standard error of what is foretold, about its mean: large where what was learnt from does not tell of
-    such a motion."""
+    """rms of the standard error of what is foretold, about its mean, and of what was left of the joint's torque where
+    it was learnt: large where that does not tell of such a motion."""
 
 
 class GivenModel:
@@ -94,10 +94,11 @@ class GivenModel:
         gram, _, scale = _normal(system, self._precision, self._beta)
         covariance = np.linalg.inv(gram) / np.outer(scale, scale)
         told = []
-        for block, came in _blocks(other, self._columns(other)):
+        misfits = [rms(y - x @ unknowns) / weight for (x, y), weight in zip(system.blocks, system.weights, strict=True)]
+        for misfit, (block, came) in zip(misfits, _blocks(other, self._columns(other)), strict=True):
             centred = block - block.mean(axis=0) if len(block) else block
             error = np.sqrt(np.einsum("ij,jk,ik->i", centred, covariance, centred))
-            told.append(Foretold(block @ unknowns, came, rms(error)))
+            told.append(Foretold(block @ unknowns, came, float(np.hypot(rms(error), misfit))))
         return told
 
     def _columns(self, shot: Snapshot) -> Array:
@@ -137,6 +138,8 @@ class _System:
 
     blocks: list[tuple[Array, Array]]
     """Rows and right-hand side of each joint, where it moves and its torque says something."""
+    weights: list[float]
+    """1/(N·m) of each joint's."""
     rank: int
 
     @property
@@ -146,11 +149,11 @@ class _System:
 
 def _system(shot: Snapshot, columns: Array) -> _System:
     """``columns`` (samples, n, rank) of the base parameters."""
-    blocks = []
+    blocks, weights = [], []
     for block, torque in _blocks(shot, columns):
-        weight = 1.0 / (_FLOOR * max(rms(torque), 1e-12))
-        blocks.append((weight * block, weight * torque))
-    return _System(blocks, columns.shape[2])
+        weights.append(1.0 / (_FLOOR * max(rms(torque), 1e-12)))
+        blocks.append((weights[-1] * block, weights[-1] * torque))
+    return _System(blocks, weights, columns.shape[2])
 
 
 def _blocks(shot: Snapshot, columns: Array) -> Iterator[tuple[Array, Array]]:

@@ -1,0 +1,27 @@
+"""Motions from point to point, with rests in which a joint's friction, five times the noise, holds it by any torque."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.campaign.campaign import judged
+from benchmarks.campaign.finding import in_process
+from benchmarks.campaign.plans import Plan
+
+SEVERAL = ("load_dependent_friction", "friction_drift", "payload")
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Plan(5, 35420, "puma600", (), 0.0, 0.0, 30.0, friction=5.0, rests=True),
+        Plan(9, 35420, "seven", SEVERAL, 1.0, 0.02, 30.0, friction=5.0, rests=True),
+    ],
+    ids=["clean", "several causes"],
+)
+def test_rests_of_joints_that_rub_are_evidence_of_nothing(plan: Plan) -> None:
+    """On a clean arm they were an asymmetric friction and a spring; and a recording held out, in which a joint creeps
+    between rests, was another arm's."""
+    result = judged(plan, in_process)
+    assert not result.wrong, result.sentence
