@@ -15,13 +15,13 @@ SEVERAL = ("load_dependent_friction", "friction_drift", "payload")
 @pytest.mark.parametrize(
     "plan",
     [
-        Plan(5, 35420, "puma600", (), 0.0, 0.0, 30.0, friction=5.0, rests=True),
+        Plan(1, 35420, "puma600", ("torque_constant_error",), 0.4, 0.05, 30.0, friction=5.0, rests=True),
         Plan(9, 35420, "seven", SEVERAL, 1.0, 0.02, 30.0, friction=5.0, rests=True),
     ],
-    ids=["clean", "several causes"],
+    ids=["torque constant", "several causes"],
 )
 def test_rests_of_joints_that_rub_are_evidence_of_nothing(plan: Plan) -> None:
-    """On a clean arm they were an asymmetric friction and a spring; and a recording held out, in which a joint creeps
+    """They were an asymmetric friction beside a small cause; and a recording held out, in which a joint creeps
     between rests, was another arm's."""
     result = judged(plan, in_process)
     assert not result.wrong, result.sentence
