@@ -18,7 +18,7 @@ from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, Experiment, desi
 from estimator.diagnosis.experiment_motions import ExperimentMotion, family
 from estimator.diagnosis.rivals import AMBIGUOUS, rivals
 from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.turning import standing
+from estimator.diagnosis.turning import Turning, standing
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.excitation import MotionLimits
 
@@ -200,6 +200,22 @@ def test_a_joint_that_rubs_tells_an_offset_in_rest_no_better_than_its_friction_h
     assert information[1, 1] > 0.7 * moving
     assert information[0, 8] == pytest.approx(8.0 * information[0, 1])
     assert information[1, 8] < 8.0 * information[1, 1] - 5.0 * rests / level**2
+
+
+def test_what_held_a_joint_so_far_does_not_hold_it_in_a_motion_of_it(arm: RigidBody) -> None:
+    """A joint that never moved, whose friction nobody knows, is told of by a motion."""
+    law: Law = ("torque_offset", JOINT, {"offset": 1.0})
+    evidence, scores = gathered(arm, [measured(arm, law, one_swing([0.5, 0.5, 0.5]), seed) for seed in range(2)])
+    known = [(h.effect.name, h.place) for h in scores.design.hypotheses]
+    contested = contest(scores, evidence, [], [known.index(("torque_offset", JOINT))])
+    t = np.arange(round(8.0 * contested.rate)) / contested.rate
+    # Of eight seconds the joint stands for two.
+    q = 0.5 * np.sin(np.pi * np.maximum(t - 2.0, 0.0) / 3.0)[:, None] * np.array([0.0, 1.0, 0.0])
+    told = []
+    for turning in ({}, {1: Turning(1, 0.0, 1.0, held=50.0)}):
+        own = replace(contested, noise=replace(contested.noise, turning=turning))
+        told.append(own.planned(t, q, np.gradient(q, t, axis=0), np.zeros_like(q)).grams[1])
+    np.testing.assert_allclose(told[1], told[0], rtol=1e-9, atol=1e-9)
 
 
 def test_a_joint_that_stands_throughout_does_so_but_for_rounding() -> None:

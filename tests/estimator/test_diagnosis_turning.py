@@ -104,13 +104,10 @@ def test_what_a_law_tells_is_no_error_of_reversals(
     assert not gather(body, recordings, 0.05).noise.turning
 
 
-@pytest.mark.parametrize("held", [0.6, -0.5])
-def test_what_friction_holds_a_standing_joint_by_is_no_evidence_of_an_offset(
-    make_chain: Callable[..., RigidBody], held: float
-) -> None:
-    """A joint that goes forth and back between rests, in each of which its friction has the same part of its level, as
-    a servo leaves it there in every playing."""
-    body, random, recordings = make_chain("rr"), np.random.default_rng(4), []
+def between_rests(body: RigidBody, held: float, playings: int) -> list[Trajectory]:
+    """A joint that goes forth and back between rests, in each of which its friction of 1 N·m has the same part of its
+    level, as a servo leaves it there in every playing."""
+    random, recordings = np.random.default_rng(4), []
     t = np.arange(500) / 250.0
     moves = t < 1.2
     s = np.where(moves, t / 1.2, 1.0)
@@ -130,13 +127,27 @@ def test_what_friction_holds_a_standing_joint_by_is_no_evidence_of_an_offset(
         tau = inverse_dynamics(body, body.prior(), angle, rate, pull)
         stands = np.tile(~moves, 4)
         tau[:, 0] += np.where(stands, held, np.sign(rate[:, 0]))
-        for _ in range(2):
+        for _ in range(playings):
             measured = angle + 1e-6 * random.normal(size=angle.shape)
             recordings.append(
                 Trajectory(np.arange(len(angle)) / 250.0, measured, tau + 0.2 * random.normal(size=tau.shape))
             )
-    found = diagnose(body, recordings)
+    return recordings
+
+
+@pytest.mark.parametrize("held", [0.6, -0.5])
+def test_what_friction_holds_a_standing_joint_by_is_no_evidence_of_an_offset(
+    make_chain: Callable[..., RigidBody], held: float
+) -> None:
+    body = make_chain("rr")
+    found = diagnose(body, between_rests(body, held, 2))
     assert [(f.effect, f.place.joint, f.status) for f in found.findings] == [("coulomb_friction", 0, "named")]
     assert found.unexplained == {}
     level = found.findings[0].parameters["level"]
     assert abs(float(level.value) - 1.0) < 3.0 * float(level.standard_error)
+
+
+def test_a_rest_says_no_more_for_being_played_again(make_chain: Callable[..., RigidBody]) -> None:
+    body = make_chain("rr")
+    two, eight = (gather(body, between_rests(body, 0.6, n), 0.05).noise.turning[0].held for n in (2, 8))
+    assert eight == pytest.approx(2.0 * two, rel=0.1)
