@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
 from estimator.diagnosis.tolerance import base_precision
-from estimator.plausibility.snapshot import TERMS, Snapshot, friction_terms, rms
+from estimator.plausibility.snapshot import ORDERS, TERMS, Snapshot, friction_terms, rms
 from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody
 
@@ -128,7 +128,7 @@ class GivenModel:
 def thinned(shot: Snapshot) -> Snapshot:
     """A snapshot small enough to try a hundred readings of it."""
     some = slice(None, None, _THINNED)
-    kept = {name: getattr(shot, name)[some] for name in ("q", "dq", "ddq", "tau", "moving", "usable")}
+    kept = {name: getattr(shot, name)[some] for name in ORDERS["joint order"]}
     return replace(shot, **kept)
 
 

@@ -103,10 +103,7 @@ def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
 def joined(shots: Sequence[Snapshot]) -> Snapshot:
     """All of them in one, thinned to what one of them has; flat to where the widest is."""
     every = slice(None, None, len(shots))
-    kept = {
-        name: np.concatenate([getattr(shot, name)[every] for shot in shots])
-        for name in ("q", "dq", "ddq", "tau", "moving", "usable")
-    }
+    kept = {name: np.concatenate([getattr(shot, name)[every] for shot in shots]) for name in ORDERS["joint order"]}
     return Snapshot(**kept, band=max(shot.band for shot in shots))
 
 
