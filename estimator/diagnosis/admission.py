@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.borne_out import BORNE_OUT
 from estimator.diagnosis.drives_off import OffReading
+from estimator.diagnosis.forms import OF_FRICTION
 from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
@@ -168,8 +169,26 @@ class Admission:
         before, after = (self.scores.model(k).squares() / rows for k in ([], [*chosen, *forms]))
         explainable = np.maximum(before - np.minimum(after, 1.0), 0.0)
         left = np.maximum(_REST * (after - 1.0 - self.scores.noise_error), _SEEN * misfit)
-        trifle = np.minimum(_LEAST_SHARE * explainable, np.maximum(left, 1.0 if self.scores.assumed else 0.0))
+        trifle = np.minimum(
+            self._share_of(explainable, candidate, chosen, forms),
+            np.maximum(left, 1.0 if self.scores.assumed else 0.0),
+        )
         own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
         lost = self.scores.explained(own, [c for c in (*chosen, *forms) if c not in own])
         channels = list(self.design.candidates[candidate].channels)
         return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))
+
+    def _share_of(self, explainable: Array, candidate: int, chosen: list[int], forms: Sequence[int]) -> Array:
+        """(channels,) of the ``explainable``, what is too little for a cause to be told. Of what frictions explain that
+        stand beside ``forms``, it is for causes of another kind no more than what those are exact to."""
+        places = {self.scores.hypothesis(k).place for k in forms}
+        rubbing = [k for k in chosen if self._rubs(k) and self.scores.hypothesis(k).place in places]
+        if not rubbing or self._rubs(candidate):
+            return np.asarray(_LEAST_SHARE * explainable)
+        others = [k for k in chosen if k not in rubbing]
+        friction = np.clip(self.scores.explained(rubbing, others), 0.0, explainable)
+        return np.asarray(_LEAST_SHARE * (explainable - friction) + OF_FRICTION * friction)
+
+    def _rubs(self, candidate: int) -> bool:
+        effect = self.scores.hypothesis(candidate).effect
+        return effect.dry or effect.name == "viscous_friction"

@@ -15,7 +15,7 @@ from estimator.diagnosis.assumed_noise import assumed_noise
 from estimator.diagnosis.design import Design, Hypothesis, make_design, stretch_rows
 from estimator.diagnosis.drives_off import read_off
 from estimator.diagnosis.first_body import first_body, has_bodies
-from estimator.diagnosis.first_look import first_look, standing_throughout, with_turns
+from estimator.diagnosis.first_look import first_look, held, held_at, standing_throughout, with_turns
 from estimator.diagnosis.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.grains import repeated_share, repeated_white
 from estimator.diagnosis.grams import Block, Sheet, sheets
@@ -128,10 +128,14 @@ def weighed(
             unseen + exact,
         )
     look = first_look(design, pieces, decimations, noise)
-    # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be.
-    noise = repeated_noise(rows, unseen, exact, playings(repeats, grid, lay(pieces, look.left))) or noise
+    holding = held(look, pieces, decimations, noise)
+    rests = held_at(look, pieces, decimations, holding)
+    # What frictions explain recurs too, and is no error: it says nothing of how large errors that recur may be. Nor do
+    # rests, in which they hold a joint by one torque today and by another tomorrow, say how large the noise is.
+    left, stands = (playings(repeats, grid, lay(pieces, own)) for own in (look.left, rests))
+    noise = repeated_noise(rows, unseen, exact, left, stands) or noise
     again = max((len(group.occurrences) for group in repeats), default=1)
-    noise = with_turns(look, pieces, decimations, noise, again)
+    noise = with_turns(look, pieces, decimations, noise, holding, again)
     parts = parts_of(len(trajectories), repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
     folds = folds_of(blocks, len(trajectories), repeats)

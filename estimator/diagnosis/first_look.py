@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,19 +55,43 @@ def first_look(design: Design, pieces: Sequence[Stretch], decimations: Sequence[
     return FirstLook(look, value, tuple(left))
 
 
+def held(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise) -> dict[int, float]:
+    """By channel the standard deviation, N·m, of what its joint is held by where it stands, of those in which that is
+    to be seen beside the noise."""
+    still = standing_throughout(pieces)
+    torques = [k for k, channel in enumerate(look.design.channels) if channel.equation == "torque"]
+    found = {k: _held(look, pieces, decimations, k, still) for k in torques}
+    return {k: level for k, level in found.items() if level > _HOLDS * noise.likely[k]}
+
+
+def held_at(
+    look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], channels: Iterable[int]
+) -> list[Array]:
+    """(samples, channels) of each stretch: one where the joint of one of these ``channels`` stands, else zero."""
+    result = [np.zeros((piece.signals.samples, len(look.design.channels))) for piece in pieces]
+    for number in channels:
+        joint = look.design.channels[number].index
+        for piece, step, own in zip(pieces, decimations, result, strict=True):
+            own[:, number] = standing(piece.signals.q[:, joint], piece.signals.dq[:, joint], REST * step) > 0.0
+    return result
+
+
 def with_turns(
-    look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], noise: Noise, playings: int
+    look: FirstLook,
+    pieces: Sequence[Stretch],
+    decimations: Sequence[int],
+    noise: Noise,
+    holding: Mapping[int, float],
+    playings: int,
 ) -> Noise:
-    """The noise with the errors of reversals beside it, of the channels that show any, and of what a dry friction holds
-    a joint by where it stands: any torque within its level, and the same in all ``playings`` of a motion."""
+    """The noise with the errors of reversals beside it, of the channels that show any, and of what `held` says
+    (``holding``): any torque within a dry friction's level, and the same in all ``playings`` of a motion."""
     result = {}
     for number, channel in enumerate(look.design.channels):
         if channel.equation != "torque":
             continue
         turning = _reversals(look, pieces, decimations, noise, number)
-        held = _held(look, pieces, decimations, number) * playings**0.5
-        if held > _HOLDS * noise.likely[number]:
-            turning = replace(turning, held=held)
+        turning = replace(turning, held=holding.get(number, 0.0) * playings**0.5)
         if turning.error > 0.0 or turning.held > 0.0:
             result[number] = turning
     return replace(noise, turning=result)
@@ -99,12 +123,14 @@ def _reversals(
     return Turning(joint, error, way)
 
 
-def _held(look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], number: int) -> float:
+def _held(
+    look: FirstLook, pieces: Sequence[Stretch], decimations: Sequence[int], number: int, still: Sequence[int]
+) -> float:
     """N·m, standard deviation of what a channel's joint is held by in rests; zero where it has none. Of a joint that
-    never moves the friction is not known, and may be all that the torque is off by."""
+    never moves (``still``) the friction is not known, and may be all that the torque is off by."""
     joint = look.design.channels[number].index
     motions = [(piece.signals.q[:, joint], piece.signals.dq[:, joint]) for piece in pieces]
-    if joint in standing_throughout(pieces):
+    if joint in still:
         return float(max(np.abs(piece.residual[:, number]).max() for piece in pieces))
     rests = any(np.any(standing(*motion, REST * step)) for motion, step in zip(motions, decimations, strict=True))
     return max(_dry(look, joint), 0.0) * _EVENLY if rests else 0.0

@@ -15,7 +15,7 @@ from estimator.diagnosis.weighted import Weighted
 
 FORM = 0.01
 """Of the explainable: a law's form is exact to a tenth of its torque, and less than that has no name of its own."""
-_OF_FRICTION = 0.0025
+OF_FRICTION = 0.0025
 """Likewise of a dry friction, a twentieth of its torque: what bristles differ from Coulomb's law, or from Dahl's."""
 _GOES_WITH = ("speed", MEMORY)
 """What a friction is a function of: any of its speed, or of the way since reversals."""
@@ -31,14 +31,14 @@ def forms_of(scores: Scores, chosen: Sequence[int]) -> list[int]:
     goes with the speed of its joint, or with the way since reversals, is no more than that, and what goes with nothing
     of the kind is judged beside it.
     """
-    return _forms(scores, chosen, ((_of_friction, _OF_FRICTION),))
+    return _forms(scores, chosen, ((_of_friction, OF_FRICTION),))
 
 
 def beside_forms(scores: Scores, chosen: Sequence[int]) -> list[int]:
     """The chosen with the forms of their frictions (`forms_of`), and with bristles that are told as Coulomb's friction
     (`Law.mends_below`): how a joint turns round is between the laws, part of its friction goes with the sign of its
     speed, and part with the travel. In a search those stand for themselves, lest other laws mend what they do."""
-    return [*chosen, *_forms(scores, chosen, ((_bristles, FORM), (_of_friction, _OF_FRICTION)))]
+    return [*chosen, *_forms(scores, chosen, ((_bristles, FORM), (_of_friction, OF_FRICTION)))]
 
 
 def of_form(wide: Conditional, plain: Conditional) -> float:

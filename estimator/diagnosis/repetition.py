@@ -32,6 +32,8 @@ _PHASES = 4
 """At most, of rows."""
 _SURELY = 2.0
 """Standard errors."""
+_RESTS = 0.01
+"""Of a row, from which on rests are counted to it."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +90,17 @@ def playings(groups: Sequence[RepeatGroup], grid: Grid, laid: Laid) -> list[Arra
 
 
 def repeated_noise(
-    rows: Sequence[Array], unseen: Array, exact: Array, left: Sequence[Array] | None = None
+    rows: Sequence[Array],
+    unseen: Array,
+    exact: Array,
+    left: Sequence[Array] | None = None,
+    rests: Sequence[Array] | None = None,
 ) -> Noise | None:
     """Noise from the deviations of ``rows`` (`playings`) from their mean, and ``unseen`` (channels, ORDER + 1), the
     autocovariance of errors that they have in common, of which there are no more than what they have in common;
     ``exact``, likewise, of what nothing is computed more exactly than. ``left``: the rows without what recurs for
-    another reason, where some is known. None where repeats are too short to tell."""
+    another reason, where some is known; ``rests``: rows of what is not zero where a channel says nothing of the noise.
+    None where repeats are too short to tell."""
     if not rows:
         return None
     deviations = [
@@ -102,22 +109,37 @@ def repeated_noise(
         for phase in (stack - stack.mean(axis=1, keepdims=True)) * np.sqrt(stack.shape[1] / (stack.shape[1] - 1))
         for one in phase
     ]
+    moving = [one for stack in rests or () for phase in _moving(stack) for one in phase]
     freedom = sum((stack.shape[1] - 1) * stack.shape[2] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
     unseen = _within_what_recurs(unseen, rows if left is None else left) + exact
-    covariance = autocovariance(deviations) + unseen
-    filters = np.array([autoregressive(row, freedom) for row in covariance])
+    scatter, told = autocovariance(deviations), np.full(len(unseen), float(freedom))
+    if moving:
+        share = np.concatenate(moving).mean(axis=0)
+        enough = share * freedom >= _LEAST_ROWS
+        # Rows at zero have no products, and are not counted.
+        parted = autocovariance([one * own for one, own in zip(deviations, moving, strict=True)])
+        scatter[enough] = parted[enough] / share[enough, None]
+        told[enough] *= share[enough]
+    covariance = scatter + unseen
+    filters = np.array([autoregressive(row, count) for row, count in zip(covariance, told, strict=True)])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
     again = sum(stack[0, ..., 0].size for stack in rows) / sum(stack.shape[2] for stack in rows) - 1.0
-    share = np.clip(whitened_variance(filters, unseen), 0.0, 1.0)
+    common = np.clip(whitened_variance(filters, unseen), 0.0, 1.0)
     return Noise(
         filters=filters,
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=float(freedom),
         playings=sum(stack.shape[1] for stack in rows),
-        news=1.0 / (1.0 + again * share),
+        news=1.0 / (1.0 + again * common),
     )
+
+
+def _moving(stack: Array) -> Array:
+    """(phases, playings, rows, channels) one where a channel of no playing is held, else zero."""
+    moving = np.abs(stack).max(axis=1, keepdims=True) < _RESTS
+    return np.broadcast_to(moving, stack.shape).astype(np.float64)
 
 
 def _within_what_recurs(unseen: Array, rows: Sequence[Array]) -> Array:

@@ -26,6 +26,8 @@ _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
 _ROUGHLY = 0.5
 """Of the evidence that a tolerance gives, what stays when it is wider by the square root of two."""
+_MODELS = 16
+"""That are remembered: one question after the other is about much the same causes."""
 _SAME_ORDER = 0.5
 """Where an effect recurs at a place, what each of its columns must leave: the next line of a spectrum is the same."""
 
@@ -104,13 +106,18 @@ class Scores:
         self._recurring: dict[tuple[int, frozenset[int]], float] = {}
         self._resemblance: dict[tuple[int, int], Array] = {}
         self._own: list[Array] | None = None
+        self._models: dict[tuple[int, ...], Conditional] = {}
         self._told = Weighted(self.design, self.total, self.weights)
 
     def model(self, chosen: Sequence[int]) -> Conditional:
         """The given model with these candidates, fitted at the present weights. A part of a law that would have the
         wrong sign is not there; a law that has it as a whole keeps it, and is refused for that."""
-        candidates = [self.design.candidates[k] for k in chosen]
-        return within_limits(self._told, candidates, least=1)
+        key = tuple(chosen)
+        if key not in self._models:
+            if len(self._models) == _MODELS:
+                del self._models[next(iter(self._models))]
+            self._models[key] = within_limits(self._told, [self.design.candidates[k] for k in chosen], least=1)
+        return self._models[key]
 
     def excess(self, chosen: Sequence[int]) -> Array:
         """(channels,) mean square of the whitened residual: one where only noise is left."""

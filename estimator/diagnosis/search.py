@@ -15,7 +15,7 @@ from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals
 from estimator.diagnosis.scores import Scores
 from estimator.effects import Law
 
-_MOST_CAUSES_A_JOINT = 3
+_MOST_CAUSES_A_JOINT = 5
 _TRIED = 4
 """Hypotheses that a step tries before it gives up, beside those that explain errors alone."""
 _EXACT = 2e-4
@@ -201,13 +201,11 @@ class Search:
         return best
 
     def _divided(self, chosen: list[int]) -> list[int]:
-        """A cause that two joints share, in causes of their own, where those are better supported."""
+        """A cause that several joints share, as one of a transmission or a link do, in causes of their own, where those
+        are better supported."""
         for k in chosen:
-            place = self.scores.hypothesis(k).place
-            if place.other is None:
-                continue
             trial = [c for c in chosen if c != k]
-            for joint in (place.joint, place.other):
+            for joint in self._sharing(k):
                 own = [row[0] for row in self.scores.ranked(trial) if self._alone_at(row[0], joint)][:_TRIED]
                 admitted = next((c for c in own if self.admission.admitted(c, trial)), None)
                 trial = trial if admitted is None else [*trial, admitted]
@@ -215,9 +213,20 @@ class Search:
                 chosen = trial
         return chosen
 
-    def _alone_at(self, candidate: int, joint: int | None) -> bool:
-        place = self.scores.hypothesis(candidate).place
-        return place.joint == joint and place.other is None
+    def _sharing(self, candidate: int) -> list[int]:
+        """The joints that share a cause; none where it is of a single one, or of the arm."""
+        hypothesis = self.scores.hypothesis(candidate)
+        joint, other = hypothesis.place.joint, hypothesis.place.other
+        if joint is None:
+            return []
+        if other is not None:
+            return [joint, other]
+        before = self.design.body.ancestors(joint)
+        return list(reversed(before)) if hypothesis.effect.of_link and len(before) > 1 else []
+
+    def _alone_at(self, candidate: int, joint: int) -> bool:
+        hypothesis = self.scores.hypothesis(candidate)
+        return hypothesis.place.joint == joint and hypothesis.place.other is None and not hypothesis.effect.of_link
 
     def _joint(self, candidate: int) -> int | None:
         return self.scores.hypothesis(candidate).place.joint

@@ -70,6 +70,8 @@ class Law(ABC):
     where a thing may have either: only where recordings would show these is the plainer law named alone."""
     dry: ClassVar[bool] = False
     """Whether its torque turns over with the sign of a speed, and is anything within its level at none."""
+    of_link: ClassVar[bool] = False
+    """Whether it is one of a joint's link, which all joints before it bear too."""
     read_off: ClassVar[bool] = False
     """Whether the measured torque has it while the drive is off."""
     seen_against: ClassVar[SeenAgainst] = "law"

@@ -20,6 +20,7 @@ class LinkInertia(Effect):
     from others of the same link, whatever it is: their columns are zero."""
 
     name = "link_inertia"
+    of_link = True
     units: ClassVar = dict(zip(PARAMETERS, UNITS, strict=True))
     confused_with = ("payload", "rotor_inertia", "torque_constant_error")
     experiment = "move {joint} and the joints around it alone, each at two accelerations and through gravity"
