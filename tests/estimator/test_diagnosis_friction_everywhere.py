@@ -122,3 +122,23 @@ def test_an_offset_beside_friction_may_be_friction_that_is_not_the_same_both_way
     still = 0.3 + 5e-6 * random.normal(size=(len(t), six_axis.n))
     off = Trajectory(t, still, vector + NOISE * random.normal(size=still.shape), name="drives off")
     assert beside_friction(diagnose(six_axis, recordings, drives_off=[off])) == {("torque_offset", 4, "named")}
+
+
+def test_all_rotors_are_named_beside_friction_of_many_times_the_noise(
+    six_axis: RigidBody, record: Callable[..., list[Trajectory]]
+) -> None:
+    """Each a hundredth of what its joint's friction explains, whose level goes with the angle a little; and no link is
+    said to be off in the stead of two rotors."""
+    rotors = 5.0 * NOISE / np.array([6.0, 6.0, 6.0, 9.0, 9.0, 9.0])
+
+    def law(q: Array, dq: Array, ddq: Array) -> Array:
+        level = 4.0 * LEVEL * (1.0 + 0.07 * np.tanh(2.0 * q))
+        return np.asarray(level * soft(dq) + 2.0 * LEVEL * dq + rotors * ddq)
+
+    findings = diagnose(six_axis, record(law)).findings
+    told = {f.place.joint: f for f in findings if f.effect == "rotor_inertia"}
+    assert set(told) == set(range(6))
+    assert "link_inertia" not in {f.effect for f in findings}
+    for joint, inertia in enumerate(rotors):
+        own = told[joint].parameters["inertia"]
+        assert abs(float(own.value) - inertia) < 3.0 * float(own.standard_error) + 0.05 * inertia

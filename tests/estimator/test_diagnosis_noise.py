@@ -133,6 +133,25 @@ def test_a_cause_that_recurs_at_low_frequencies_hides_no_errors_above() -> None:
     assert 1.0 < noise.rms[0] ** 2 < 1.35, "a twelfth of the frequencies holds the cause"
 
 
+@pytest.mark.parametrize(("resting", "most"), [(150, 1.1), (290, np.inf)])
+def test_rests_in_which_a_joint_is_held_otherwise_are_no_noise(resting: int, most: float) -> None:
+    """By three standard deviations more in one playing, and by as many less in the other. Where little but rests is
+    left, they are all that tells the noise."""
+    random, stands = np.random.default_rng(4), np.zeros((1, 2, 300, 2))
+    stands[:, :, :resting, 1] = 1.0
+    held = 3.0 * stands * np.array([1.0, -1.0])[None, :, None, None]
+    stacks = [held + random.normal(size=(1, 2, 300, 2)) for _ in range(4)]
+    nothing = np.zeros((2, ORDER + 1))
+    plain, parted = (repeated_noise(stacks, nothing, nothing, None, rests) for rests in (None, [stands] * 4))
+    assert plain is not None
+    assert parted is not None
+    assert plain.rms[1] ** 2 > 4.0
+    assert parted.rms[0] == plain.rms[0]
+    assert 0.9 < parted.rms[1] ** 2 < most
+    if np.isinf(most):
+        assert parted.rms[1] == plain.rms[1]
+
+
 def test_a_noise_at_half_the_rate_of_the_rows_is_seen_wherever_they_begin() -> None:
     """A wave of half the rows' rate is as large in rows that begin anywhere: some see its crests, some its zeros."""
     grid = Grid(10.0, (Channel("torque", 0),), np.zeros(1), 5.0)
