@@ -32,6 +32,8 @@ _PHASES = 4
 """At most, of rows."""
 _SURELY = 2.0
 """Standard errors."""
+_MOST = 0.5
+"""Of a channel's scatter: where more than this is left without its rests, they tell of the noise as other rows do."""
 _RESTS = 0.01
 """Of a row, from which on rests are counted to it."""
 
@@ -117,11 +119,12 @@ def repeated_noise(
     scatter, told = autocovariance(deviations), np.full(len(unseen), float(freedom))
     if moving:
         share = np.concatenate(moving).mean(axis=0)
-        enough = share * freedom >= _LEAST_ROWS
         # Rows at zero have no products, and are not counted.
         parted = autocovariance([one * own for one, own in zip(deviations, moving, strict=True)])
-        scatter[enough] = parted[enough] / share[enough, None]
-        told[enough] *= share[enough]
+        mostly = parted[:, 0] < _MOST * share * scatter[:, 0]
+        without = mostly & (share * freedom >= _LEAST_ROWS)
+        scatter[without] = parted[without] / share[without, None]
+        told[without] *= share[without]
     covariance = scatter + unseen
     filters = np.array([autoregressive(row, count) for row, count in zip(covariance, told, strict=True)])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
