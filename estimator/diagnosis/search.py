@@ -204,8 +204,10 @@ class Search:
         """A cause that several joints share, as one of a transmission or a link do, in causes of their own, where those
         are better supported."""
         for k in chosen:
+            if not (joints := self._sharing(k)):
+                continue
             trial = [c for c in chosen if c != k]
-            for joint in self._sharing(k):
+            for joint in joints:
                 own = [row[0] for row in self.scores.ranked(trial) if self._alone_at(row[0], joint)][:_TRIED]
                 admitted = next((c for c in own if self.admission.admitted(c, trial)), None)
                 trial = trial if admitted is None else [*trial, admitted]

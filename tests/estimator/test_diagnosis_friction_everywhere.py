@@ -10,8 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.evidence import gather
+from estimator.diagnosis.maps import MEMORY, Map
 from estimator.diagnosis.rivals import AMBIGUOUS
+from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
 Law = Callable[[Array, Array, Array], Array]
@@ -142,3 +146,49 @@ def test_all_rotors_are_named_beside_friction_of_many_times_the_noise(
     for joint, inertia in enumerate(rotors):
         own = told[joint].parameters["inertia"]
         assert abs(float(own.value) - inertia) < 3.0 * float(own.standard_error) + 0.05 * inertia
+
+
+def goes_with(law: object) -> bool:
+    """Whether it is a function of what a friction is one of."""
+    return isinstance(law, Map) and law.quantity in ("speed", MEMORY) and not law.of_neighbour
+
+
+def test_a_rotor_is_no_trifle_for_being_small_beside_a_friction_whose_forms_do_not_mend_it(
+    six_axis: RigidBody, record: Callable[..., list[Trajectory]]
+) -> None:
+    """Whatever else is left: what speed and travel explain it does not, and a twentieth of the friction is less."""
+    joint = 2
+    rotor = 1.8 * NOISE[joint] * (np.arange(6) == joint)
+    evidence = gather(six_axis, record(lambda q, dq, ddq: 4.0 * LEVEL * (soft(dq) + 0.5 * dq) + rotor * ddq), 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
+    admission, chosen = Admission(scores), []
+    causes = [(name, own) for own in range(six_axis.n) for name in sorted(EVERYWHERE)] + [("rotor_inertia", joint)]
+    for cause in causes:
+        told = [(h.effect.name, h.place.joint) for h in map(scores.hypothesis, range(len(scores.owner)))]
+        gains = scores.gains(chosen)
+        chosen.append(max((k for k, own in enumerate(told) if own == cause), key=lambda k: float(gains[k])))
+    scores.reweigh(chosen)
+    maps = [k for k in range(len(scores.owner)) if isinstance(scores.hypothesis(k).effect, Map)]
+    forms = [k for k in maps if (h := scores.hypothesis(k)).place.joint == joint and goes_with(h.effect)]
+    much = np.full(len(evidence.design.channels), 1e3)
+    coulomb, inertia = chosen[causes.index(("coulomb_friction", joint))], chosen[-1]
+    assert admission.told(inertia, chosen, much) < 1.0 < admission.told(inertia, chosen, much, forms)
+    # A friction is held against what it could mend.
+    lost = scores.explained([coulomb], [k for k in (*chosen, *forms) if k != coulomb])[joint]
+    whole = scores.explained([coulomb], [k for k in chosen if k != coulomb])[joint]
+    assert admission.told(coulomb, chosen, much, forms) == pytest.approx(
+        admission.told(coulomb, chosen, much) * lost / whole, rel=0.1
+    )
+
+
+def test_a_joint_may_have_more_than_three_causes(
+    make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]
+) -> None:
+    body = make_chain("rr")
+
+    def law(q: Array, dq: Array) -> Array:
+        return np.asarray(np.tanh(dq / 0.003) + 0.8 * dq + 1.5 * (q - 0.2) + 0.4 * np.sin(9.0 * q + 0.5))
+
+    found = diagnose(body, play_twice(body, law, noise=0.05))
+    told = {(f.effect, f.place.joint) for f in found.findings}
+    assert told >= {(e, j) for e in (*EVERYWHERE, "joint_spring", "cogging") for j in range(2)}
