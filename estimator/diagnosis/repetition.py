@@ -111,20 +111,11 @@ def repeated_noise(
         for phase in (stack - stack.mean(axis=1, keepdims=True)) * np.sqrt(stack.shape[1] / (stack.shape[1] - 1))
         for one in phase
     ]
-    moving = [one for stack in rests or () for phase in _moving(stack) for one in phase]
     freedom = sum((stack.shape[1] - 1) * stack.shape[2] for stack in rows)
     if freedom < _LEAST_ROWS:
         return None
     unseen = _within_what_recurs(unseen, rows if left is None else left) + exact
-    scatter, told = autocovariance(deviations), np.full(len(unseen), float(freedom))
-    if moving:
-        share = np.concatenate(moving).mean(axis=0)
-        # Rows at zero have no products, and are not counted.
-        parted = autocovariance([one * own for one, own in zip(deviations, moving, strict=True)])
-        mostly = parted[:, 0] < _MOST * share * scatter[:, 0]
-        without = mostly & (share * freedom >= _LEAST_ROWS)
-        scatter[without] = parted[without] / share[without, None]
-        told[without] *= share[without]
+    scatter, told = _scatter(deviations, freedom, rests or ())
     covariance = scatter + unseen
     filters = np.array([autoregressive(row, count) for row, count in zip(covariance, told, strict=True)])
     # Of R playings' rows, errors that recur in all of them leave 1/(1 + (R − 1)·share) of the information.
@@ -139,10 +130,24 @@ def repeated_noise(
     )
 
 
-def _moving(stack: Array) -> Array:
-    """(phases, playings, rows, channels) one where a channel of no playing is held, else zero."""
-    moving = np.abs(stack).max(axis=1, keepdims=True) < _RESTS
-    return np.broadcast_to(moving, stack.shape).astype(np.float64)
+def _scatter(deviations: Sequence[Array], freedom: int, rests: Sequence[Array]) -> tuple[Array, Array]:
+    """(channels, ORDER + 1) autocovariance of ``deviations``, and (channels,) the degrees of freedom behind it, of all
+    rows; of those without a channel's ``rests`` (`repeated_noise`) where these make most of it."""
+    scatter = autocovariance(deviations)
+    told = np.full(len(scatter), float(freedom))
+    if not rests:
+        return scatter, told
+    moving: list[Array] = []
+    for stack in rests:
+        held_in_none = (np.abs(stack).max(axis=1) < _RESTS).astype(np.float64)
+        moving += [phase for phase in held_in_none for _ in range(stack.shape[1])]
+    share = np.concatenate(moving).mean(axis=0)
+    # Rows at zero have no products, and are not counted.
+    parted = autocovariance([one * own for one, own in zip(deviations, moving, strict=True)])
+    without = (parted[:, 0] < _MOST * share * scatter[:, 0]) & (share * freedom >= _LEAST_ROWS)
+    scatter[without] = parted[without] / share[without, None]
+    told[without] *= share[without]
+    return scatter, told
 
 
 def _within_what_recurs(unseen: Array, rows: Sequence[Array]) -> Array:
