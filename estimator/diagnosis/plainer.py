@@ -122,7 +122,7 @@ def without_menders(
                 if not trial:
                     continue
                 fewer = fitted(evidence, scores, trial)
-                if of_form(shaped.model, fewer.model) < FORM * explained:
+                if of_form(shaped.model, fewer.model) < max(WORTH, _inexact(scores, instead, wide)):
                     instead, shaped = trial, fewer
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)
