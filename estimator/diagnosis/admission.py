@@ -36,6 +36,8 @@ _SLOWLY = 0.5
 """… and of a dry friction: where a joint hardly moves, other errors of its angle are another sign of its speed."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
+_A_SPECTRUM = 8
+"""Lines that tell how much others of their law explain."""
 _TRIED = 4
 """Hypotheses that are asked, the best supported first."""
 
@@ -57,6 +59,7 @@ class Admission:
         gain = float(self.scores.gains(chosen)[candidate])
         return (
             self._sound(candidate, gain, chosen, false_alarm)
+            and self._stands_out(candidate, gain, chosen)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
             and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen), false_alarm)
         )
@@ -77,6 +80,20 @@ class Admission:
 
     def _no_chance(self, candidate: int, gain: float, false_alarm: float) -> bool:
         return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, false_alarm)
+
+    def _stands_out(self, candidate: int, gain: float, chosen: list[int]) -> bool:
+        """Whether a line stands out of the spectrum that is left beside it, whose lines explain by chance as much as
+        half of them do: pushes at few places are periodic at all orders, and at none."""
+        if not self.scores.recurs(candidate):
+            return True
+        lines = self.scores.owner == self.scores.owner[candidate]
+        left = self.scores.gains([*chosen, candidate])[lines]
+        left = left[np.isfinite(left)]
+        if len(left) < _A_SPECTRUM:
+            return True
+        # Half of what chance gives a line of two coefficients is below the logarithm of two.
+        level = max(float(np.median(left)) / np.log(2.0), 1.0)
+        return gain > level * np.log(len(left) / INSTEAD)
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and

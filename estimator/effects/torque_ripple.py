@@ -38,6 +38,10 @@ class TorqueRipple(JointEffect):
         for waves in each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint]):
             yield (signals.tau_rigid[:, [joint]] * waves)[:, None, :]
 
+    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
+        """A motor whose torque turned its sign over within a turn would not drive the joint."""
+        return -np.ones(2), np.ones(2)
+
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         amplitude, phase = amplitude_and_phase(coefficients)
         return {"order": float(theta[0]), "amplitude": amplitude, "phase": phase}

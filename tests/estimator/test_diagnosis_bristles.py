@@ -167,12 +167,18 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
 
 
 @pytest.mark.parametrize(
-    ("one_way", "names"), [(0.0, ["coulomb_friction", "viscous_friction"]), (0.4, ["asymmetric_friction"])]
+    ("one_way", "names"),
+    [
+        (0.0, ["coulomb_friction", "viscous_friction"]),
+        (0.3, ["asymmetric_friction"]),
+        (0.4, ["asymmetric_friction"]),
+    ],
 )
 def test_a_wider_law_beside_what_mends_its_form_is_told_as_those_that_it_contains(
     gathered: Callable[[Friction], Evidence], one_way: float, names: list[str]
 ) -> None:
-    """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is."""
+    """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is, also where it explains
+    less than a hundredth of the friction, and all of it."""
 
     def friction(q: Array, dq: Array) -> Array:
         return np.array([1.0, 0.0]) * (3.0 * bristles(q, 1e-4) + 0.4 * dq + one_way * np.maximum(dq, 0.0))
