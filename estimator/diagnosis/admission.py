@@ -59,7 +59,7 @@ class Admission:
         gain = float(self.scores.gains(chosen)[candidate])
         return (
             self._sound(candidate, gain, chosen, false_alarm)
-            and self._stands_out(candidate, gain, chosen)
+            and self.stands_out(candidate, gain, chosen)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
             and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen), false_alarm)
         )
@@ -81,7 +81,7 @@ class Admission:
     def _no_chance(self, candidate: int, gain: float, false_alarm: float) -> bool:
         return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, false_alarm)
 
-    def _stands_out(self, candidate: int, gain: float, chosen: list[int]) -> bool:
+    def stands_out(self, candidate: int, gain: float, chosen: list[int]) -> bool:
         """Whether a line stands out of the spectrum that is left beside it, whose lines explain by chance as much as
         half of them do: pushes at few places are periodic at all orders, and at none."""
         if not self.scores.recurs(candidate):

@@ -1,0 +1,64 @@
+"""A line is one that stands out of the spectrum it is in, and a ripple is within what a motor's torque can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory
+from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.evidence import gather
+from estimator.diagnosis.scores import Scores
+
+Array = NDArray[np.float64]
+Play = Callable[..., list[Trajectory]]
+FIRST = np.array([1.0, 0.0])
+ORDERS = (9.0, 23.0, 41.0)
+
+
+def lines(q: Array) -> Array:
+    return FIRST * sum(0.4 * np.sin(order * q[:, [0]] + order) for order in ORDERS)
+
+
+def pushes(q: Array) -> Array:
+    """At three places, a hundredth of a radian wide."""
+    return FIRST * sum(20.0 * np.exp(-(((q[:, [0]] - place) / 0.01) ** 2)) for place in (0.05, 0.3, -0.5))
+
+
+@pytest.mark.parametrize(("law", "stands"), [(lines, True), (pushes, False)])
+def test_pushes_at_few_places_are_no_line_of_a_cogging(
+    make_chain: Callable[..., RigidBody], play_twice: Play, law: Callable[[Array], Array], stands: bool
+) -> None:
+    """Though each of many explains far more than chance would; the lines of a spectrum stand out of each other."""
+    body = make_chain("rr")
+    evidence = gather(body, play_twice(body, lambda q, dq: law(q), noise=0.1), 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    gains, admission = scores.gains([]), Admission(scores)
+    coggings = [
+        k
+        for k in range(len(scores.owner))
+        if (h := scores.hypothesis(k)).effect.name == "cogging" and h.place.joint == 0
+    ]
+    best = max(coggings, key=lambda k: gains[k])
+    gain = float(gains[best])
+    assert scores.chance.excluded(int(scores.owner[best]), gain, 0.002)
+    assert admission.stands_out(best, gain, []) == stands
+
+
+@pytest.mark.parametrize(("amplitude", "named"), [(0.5, True), (3.0, False)])
+def test_no_ripple_turns_a_motor_s_torque_over(
+    make_chain: Callable[..., RigidBody], play_twice: Play, amplitude: float, named: bool
+) -> None:
+    """Whatever repeats with an angle and goes with the torque beyond that has another name, or none."""
+    body = make_chain("rr")
+    recordings = [
+        replace(one, tau=one.tau * (1.0 + FIRST * amplitude * np.sin(11.0 * one.q)))
+        for one in play_twice(body, noise=0.1)
+    ]
+    found = diagnose(body, recordings)
+    assert any(finding.effect == "torque_ripple" for finding in found.findings) == named
