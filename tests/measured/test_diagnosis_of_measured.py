@@ -8,6 +8,7 @@ import pytest
 from benchmarks.bench_diagnose_measured import EMPS, FRICTION, ORDERS
 from benchmarks.measured import emps, is_here
 from benchmarks.measured.diagnosed import (
+    diagnosed,
     emps_diagnosed,
     findings_of,
     kinova_drives,
@@ -44,6 +45,16 @@ def test_emps_rubs_more_one_way_than_the_other() -> None:
     judged = emps().recordings["emps"]
     power = float(np.mean(convolve(judged.tau, plan_filter(judged.rate, found.band).smooth) ** 2))
     assert found.held_out.after < 0.032 * np.sqrt(power)
+
+
+@pytest.mark.parametrize("learnt", [["emps"], ["emps", "emps_pulses"]])
+def test_emps_rubs_more_one_way_whichever_motion_it_is_learnt_from(learnt: list[str]) -> None:
+    """Its friction, and nothing else: what the pulses leave repeats at no order of the screw."""
+    needs("emps")
+    (finding,) = diagnosed(emps(), learnt).findings
+    assert (finding.effect, finding.status) == ("asymmetric_friction", "named")
+    for name in ("coefficient_positive", "coefficient_negative"):
+        assert number(finding, name) == pytest.approx(EMPS[name][1], rel=0.06)
 
 
 def test_a_motor_s_cogging_is_named_order_by_order() -> None:
