@@ -93,7 +93,7 @@ class Admission:
             return True
         # Half of what chance gives a line of two coefficients is below the logarithm of two.
         level = max(float(np.median(left)) / np.log(2.0), 1.0)
-        return gain > level * np.log(len(left) / INSTEAD)
+        return bool(gain > level * np.log(len(left) / INSTEAD))
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and

@@ -177,8 +177,8 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
 def test_a_wider_law_beside_what_mends_its_form_is_told_as_those_that_it_contains(
     gathered: Callable[[Friction], Evidence], one_way: float, names: list[str]
 ) -> None:
-    """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is, also where it explains
-    less than a hundredth of the friction, and all of it."""
+    """An asymmetric friction that is none, in Coulomb's place beside presliding; and one that is, also where it
+    explains less than a hundredth of the friction, and leaves nothing."""
 
     def friction(q: Array, dq: Array) -> Array:
         return np.array([1.0, 0.0]) * (3.0 * bristles(q, 1e-4) + 0.4 * dq + one_way * np.maximum(dq, 0.0))
