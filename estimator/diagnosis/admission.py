@@ -59,7 +59,6 @@ class Admission:
         gain = float(self.scores.gains(chosen)[candidate])
         return (
             self._sound(candidate, gain, chosen, false_alarm)
-            and self.stands_out(candidate, gain, chosen)
             and self.scores.held_out(candidate, chosen) > BORNE_OUT
             and self._no_chance(candidate, gain * self.scores.surely(candidate, chosen), false_alarm)
         )
@@ -81,11 +80,12 @@ class Admission:
     def _no_chance(self, candidate: int, gain: float, false_alarm: float) -> bool:
         return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, false_alarm)
 
-    def stands_out(self, candidate: int, gain: float, chosen: list[int]) -> bool:
-        """Whether a line stands out of the spectrum that is left beside it, whose lines explain by chance as much as
-        half of them do: pushes at few places are periodic at all orders, and at none."""
+    def stands_out(self, candidate: int, chosen: list[int]) -> bool:
+        """Whether a line stands out of the spectrum that is left beside it and all that are ``chosen``, whose lines
+        explain by chance as much as half of them do: pushes at few places are periodic at all orders, and at none."""
         if not self.scores.recurs(candidate):
             return True
+        gain = float(self.scores.gains(chosen)[candidate])
         lines = self.scores.owner == self.scores.owner[candidate]
         left = self.scores.gains([*chosen, candidate])[lines]
         left = left[np.isfinite(left)]

@@ -127,6 +127,8 @@ def without_menders(
             chosen = search.ordered(instead)
             refined = fitted(evidence, scores, chosen)
     chosen, refined = _with_what_fell(evidence, search, chosen, refined)
+    if (lines := _standing_out(search, chosen)) != chosen:
+        chosen, refined = lines, fitted(evidence, scores, lines)
     return _agreed(scores, search.judged(chosen, alternatives)), refined
 
 
@@ -154,6 +156,17 @@ def _with_what_fell(
             ):
                 chosen, refined = trial, fitted(evidence, scores, trial)
     return chosen, refined
+
+
+def _standing_out(search: Search, chosen: list[int]) -> list[int]:
+    """The causes without lines that do not stand out of what is left of their spectrum, the least supported first. In
+    a search they may stand for a law whose shape the grid does not hold, as a wall's."""
+    while True:
+        others = {k: [c for c in chosen if c != k] for k in chosen if search.scores.recurs(k)}
+        hidden = [k for k in others if not search.admission.stands_out(k, others[k])]
+        if not hidden:
+            return chosen
+        chosen = others[max(hidden, key=lambda k: search.scores.support(others[k]))]
 
 
 def _lacking(scores: Scores, chosen: list[int], candidate: int) -> bool:

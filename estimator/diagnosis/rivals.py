@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.forms import FORM
 from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.typical import against_typical
+
+Array = NDArray[np.float64]
 
 AMBIGUOUS = 3.0
 """nats within which an alternative is as good as the finding: its odds are better than one in twenty."""
@@ -42,7 +45,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
     scores = admission.scores
     own, place = scores.owner[candidate], scores.hypothesis(candidate).place
     others = [c for c in chosen if c != candidate]
-    beside = {int(scores.owner[k]): gain for k, gain, _ in scores.ranked(chosen)}
+    beside = scores.gains(chosen)
     rows = scores.ranked(others)
     mine = next((row for row in rows if scores.owner[row[0]] == own), None)
     if mine is None:
@@ -51,7 +54,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
     for k, gain, supported in rows:
         if scores.owner[k] == own or admission.read_otherwise(k, others):
             continue
-        shared = gain - max(_beside(scores, k, chosen, beside), 0.0)
+        shared = gain - _beside(scores, k, chosen, beside)
         if admission.contained(candidate, k) or admission.contained(k, candidate):
             untold = scores.assumed and scores.hypothesis(candidate).effect.told_by_repeats
             gap = 0.0 if untold else mine[2] - supported
@@ -148,11 +151,12 @@ def _one_bent_law(scores: Scores, one: int, other: int) -> bool:
     return float(scores.resemblance(line, law).mean()) > _HARDLY_A_PERIOD
 
 
-def _beside(scores: Scores, candidate: int, chosen: Sequence[int], best: Mapping[int, float]) -> float:
-    """nats that a rival explains beside all that were ``chosen``, of which each law explains the ``best`` of its owner.
-    One more line of a spectrum that is there bends the others: that is no merit of its own."""
-    own = int(scores.owner[candidate])
-    return 0.0 if own in scores.owner[list(chosen)] else best.get(own, 0.0)
+def _beside(scores: Scores, candidate: int, chosen: Sequence[int], gains: Array) -> float:
+    """nats that a rival explains, of the same shape, beside all that were ``chosen``, what each does being in
+    ``gains``; not at another shape, where chance alone lets some line of a law explain a few. One more line of a
+    spectrum that is there bends the others: that is no merit of its own."""
+    told = scores.owner[candidate] not in scores.owner[list(chosen)] and np.isfinite(gains[candidate])
+    return max(float(gains[candidate]), 0.0) if told else 0.0
 
 
 def _shapes(scores: Scores, candidate: int) -> int:

@@ -32,7 +32,7 @@ class TorqueNonlinearity(JointEffect):
     experiment = "let the torque of {joint} rise slowly towards its limit, and pass slowly through zero"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        return np.array([[0.01], [0.1], [0.3]])
+        return np.array([[0.01], [0.1], [0.3], [1.0]])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         true = signals.tau_rigid[:, self.joint(place)]

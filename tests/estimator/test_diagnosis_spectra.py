@@ -45,9 +45,8 @@ def test_pushes_at_few_places_are_no_line_of_a_cogging(
         if (h := scores.hypothesis(k)).effect.name == "cogging" and h.place.joint == 0
     ]
     best = max(coggings, key=lambda k: gains[k])
-    gain = float(gains[best])
-    assert scores.chance.excluded(int(scores.owner[best]), gain, 0.002)
-    assert admission.stands_out(best, gain, []) == stands
+    assert scores.chance.excluded(int(scores.owner[best]), float(gains[best]), 0.002)
+    assert admission.stands_out(best, []) == stands
 
 
 @pytest.mark.parametrize(("amplitude", "named"), [(0.5, True), (3.0, False)])
