@@ -37,7 +37,9 @@ _SLOWLY = 0.5
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _A_SPECTRUM = 8
-"""Lines that tell how much others of their law explain."""
+"""Lines that tell how much others of their law explain …"""
+_AMONG_LINES = 0.05
+"""… and the probability that one of them explains so much by chance."""
 _TRIED = 4
 """Hypotheses that are asked, the best supported first."""
 
@@ -93,7 +95,7 @@ class Admission:
             return True
         # Half of what chance gives a line of two coefficients is below the logarithm of two.
         level = max(float(np.median(left)) / np.log(2.0), 1.0)
-        return bool(gain > level * np.log(len(left) / INSTEAD))
+        return bool(gain > level * np.log(len(left) / _AMONG_LINES))
 
     def one_sided(self, chosen: list[int]) -> int | None:
         """The best supported candidate that all would admit but the rows left out: what it explains is there, and
