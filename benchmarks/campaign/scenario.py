@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.campaign.arms import TrueArm, hidden_bodies, scattered, true_arm, without_moment, write_urdf
+from benchmarks.campaign.beyond_links import evidence_beyond_links
 from benchmarks.campaign.cause import Cause, Named, Tables, merged
 from benchmarks.campaign.friction_causes import everywhere
 from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist, draw_programs
@@ -20,6 +21,7 @@ from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
 from benchmarks.campaign.playing import Run, as_recorded, play
 from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_deviation, noise_in_band
 from config import Installation
+from estimator import load_rigid_body
 from virtual_hw.hidden import HiddenMechanics
 from virtual_hw.hidden.noise import SILENT, Noise
 
@@ -29,6 +31,8 @@ RECORDED_HZ = 500.0
 """The cycle of the geared arms, which a recorder keeps whole. Every second sample of that would fold what the servo
 answers to its encoder's counts into the band, three times the sensors' noise on the PUMA."""
 JITTER_S = (0.0, 2e-5, 1e-4)
+TOLERANCE = 0.05
+"""Of the links, as the finder takes them."""
 TRIES = 12
 """Joints and forms that are tried before a cause is given up on an arm."""
 
@@ -59,6 +63,8 @@ class Truth:
     not measured."""
     deviation_in_band: float | None = None
     """Standard deviation of the torque sensors' noise, in which sizes are told, over what of it lies in that band."""
+    evidence: float | None = None
+    """nats for the cause over links that are off by the tolerance; None but where one of the catalogue is alone."""
 
     def as_json(self) -> dict[str, Any]:
         """For the envelope."""
@@ -128,12 +134,17 @@ def prepare(plan: Plan, urdf: Path) -> Prepared:
     deviation = noise_deviation(sensors)
     scale = Scale(installation, playlist, mechanics(arm, [], []), deviation)
     causes, amplitudes, true_causes = _causes(plan, arm, scale, rng)
+    evidence = None
+    if len(causes) == 1 and true_causes[0].answers:
+        alone = mechanics(arm, causes, [causes[0].tables(amplitudes[0])])
+        body, below = load_rigid_body(urdf.read_text()), noise_in_band(sensors, plan.seed)
+        evidence = evidence_beyond_links(scale, alone, body, below, TOLERANCE)
     rubbing, excused = _friction(plan, arm, deviation)
     tables = [c.tables(a) for c, a in zip(causes, amplitudes, strict=True)]
     # A cause that has friction of its own puts it in the place of what its joint has.
     hidden = mechanics(arm, causes, [rubbing, *tables, noise])
     return Prepared(
-        truth=Truth(plan.number, plan.arm, plan.scatter, true_causes, excused),
+        truth=Truth(plan.number, plan.arm, plan.scatter, true_causes, excused, evidence=evidence),
         installation=installation,
         playlist=playlist,
         hidden=hidden,

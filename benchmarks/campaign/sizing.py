@@ -7,7 +7,7 @@ effect.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -64,25 +64,32 @@ def folded_rms(runs: Sequence[Run], every: int) -> Array:
     return np.sqrt(squares / count)
 
 
-def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMechanics) -> Array:
-    """RMS by joint of the torque that the bodies of ``clean`` do not explain, N·m in the band."""
+def left_by_bodies(
+    runs: Sequence[Run], installation: Installation, clean: HiddenMechanics
+) -> Iterator[tuple[str, tuple[Array, Array, Array, Array]]]:
+    """Of each run its motion, and at every `EVERY`-th sample but the ends: the torque that the bodies of ``clean`` do
+    not explain, in the band, N·m, then q, dq and ddq."""
     body = build_multibody(installation, clean)
     dof = list(body.dof)
-    squares, count = np.zeros(len(dof)), 0
     edge = int(EDGE_S * RATE_HZ) // EVERY
     for run in runs:
         dq = np.gradient(run.q, 1.0 / RATE_HZ, axis=0)
-        ddq = np.gradient(dq, 1.0 / RATE_HZ, axis=0)
+        states = [x[::EVERY] for x in (run.q, dq, np.gradient(dq, 1.0 / RATE_HZ, axis=0))]
         left = run.tau[::EVERY].copy()
-        for own, *state in zip(left, run.q[::EVERY], dq[::EVERY], ddq[::EVERY], strict=True):
+        for own, *state in zip(left, *states, strict=True):
             body.data.qpos[dof], body.data.qvel[dof], body.data.qacc[dof] = state
             mujoco.mj_inverse(body.model, body.data)
             own -= body.data.qfrc_inverse[dof]
         # What is left, and not the motion, is taken into the band: torques of a band-limited motion are not those
         # torques band-limited, by up to three times the noise where a sweep is fast.
-        squares += np.sum(in_band(left, RATE_HZ / EVERY)[edge:-edge] ** 2, axis=0)
-        count += len(left) - 2 * edge
-    return np.sqrt(squares / count)
+        q, dq, ddq = (x[edge:-edge] for x in states)
+        yield run.motion, (in_band(left, RATE_HZ / EVERY)[edge:-edge], q, dq, ddq)
+
+
+def unexplained(runs: Sequence[Run], installation: Installation, clean: HiddenMechanics) -> Array:
+    """RMS by joint of the torque that the bodies of ``clean`` do not explain, N·m in the band."""
+    lefts = [left for _, (left, *_) in left_by_bodies(runs, installation, clean)]
+    return np.asarray(np.sqrt(np.mean(np.concatenate(lefts) ** 2, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -97,9 +104,12 @@ class Scale:
 
     def size(self, hidden: HiddenMechanics) -> float:
         """Of everything by which ``hidden`` differs from the clean arm."""
+        return float(np.max(unexplained(self.played(hidden), self.installation, self.clean) / self.noise))
+
+    def played(self, hidden: HiddenMechanics) -> list[Run]:
+        """Each motion that is learnt from, once and without noise."""
         once = tuple(dict.fromkeys(name for name in self.playlist.order if not name.startswith("held-out")))
-        runs = play(finely_counted(self.installation), hidden, replace(self.playlist, order=once), seed=0)
-        return float(np.max(unexplained(runs, self.installation, self.clean) / self.noise))
+        return play(finely_counted(self.installation), hidden, replace(self.playlist, order=once), seed=0)
 
 
 def finely_counted(installation: Installation) -> Installation:

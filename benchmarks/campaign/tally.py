@@ -15,6 +15,9 @@ from benchmarks.campaign.scenario import Truth
 Z = 1.96
 SIZES = ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.5), (1.5, np.inf))
 """Ranges of effect / noise that are tallied apart."""
+DECIDABLE = 10.0
+"""nats: one of some hundred hypotheses explains less by chance, nineteen times in twenty. With less for the truth than
+that over links within their tolerance, nobody can name it."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,11 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
         figures.append(
             _share(name.replace("right", "right or in the set named"), within, lambda j: "missed" not in j.outcomes)
         )
+    told = [j for j in single if (j.truth.evidence or 0.0) >= DECIDABLE]
+    for low, high in SIZES:
+        within = [j for j in told if low <= j.size < high]
+        name = f"effect and joint right, effect/noise {low:g} to {high:g}, links refuted"
+        figures.append(_share(name, within, lambda j: j.right))
     outcomes = [outcome for j in several for outcome in j.outcomes]
     figures += [
         _share("each of several causes named", outcomes, lambda outcome: outcome == "named"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -67,6 +68,18 @@ def test_a_right_name_on_the_right_joint_is_right() -> None:
     assert not j.wrong
     (error,) = j.parameters
     assert (error.name, error.error, error.standard_error) == ("level", pytest.approx(0.1), 0.1)
+
+
+def test_what_nobody_could_tell_is_tallied_apart() -> None:
+    """A cause that links within their tolerance may be, missed, beside one that they cannot be, named."""
+    named = answer("named", finding("coulomb_friction", "joint2"))
+    judged = [
+        judge(replace(true(COULOMB), evidence=nats), said, 0.5)
+        for nats, said in ((50.0, named), (0.2, answer("clean")), (None, named))
+    ]
+    of_all, of_told = (f for f in tally(judged) if f.count and f.name.startswith("effect and joint right, "))
+    assert (of_all.value, of_all.count) == (pytest.approx(2 / 3), 3)
+    assert (of_told.value, of_told.count) == (1.0, 1)
 
 
 def test_the_right_name_on_another_joint_is_wrong() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from benchmarks.campaign import campaign
-from benchmarks.campaign.arms import ARMS, true_arm
+from benchmarks.campaign.arms import ARMS, true_arm, write_urdf
+from benchmarks.campaign.beyond_links import evidence_beyond_links
 from benchmarks.campaign.cause import Cause, merged, named
 from benchmarks.campaign.finding import in_process
 from benchmarks.campaign.friction_causes import FRICTION, everywhere
@@ -32,6 +33,7 @@ from benchmarks.campaign.sizing import (
 )
 from config.motion import check_motion
 from driver.recording import read_recording
+from estimator import load_rigid_body
 from virtual_hw.hidden import HiddenMechanics
 from virtual_hw.plant.urdf import read_urdf
 
@@ -131,6 +133,30 @@ def test_a_swinging_load_is_as_large_as_what_a_still_one_does_not_explain() -> N
     assert still < 0.02 * whole
     assert 0.1 * whole < size_of(the_arm, scale, swings, 1.0) < 0.9 * whole
     assert ("payload", None) in swings.excused
+
+
+@pytest.mark.parametrize(("kind", "amplitude", "told"), [("payload", 0.02, False), ("torque_offset", 0.1, True)])
+def test_what_links_within_their_tolerance_may_be_holds_no_evidence(
+    kind: str, amplitude: float, told: bool, tmp_path: Path
+) -> None:
+    """A load of 20 g against a body of links that are off by five per cent; and against one that is exact."""
+    the_arm = true_arm("dda")
+    cause = ALL[kind](the_arm, "joint3", np.random.default_rng(1))
+    assert cause is not None
+    playlist = draw_playlist(the_arm.installation, np.random.default_rng(2), 12.0)
+    scale = Scale(the_arm.installation, playlist, mechanics(the_arm, [], []), np.ones(3))
+    hidden = mechanics(the_arm, [cause], [cause.tables(amplitude)])
+    write_urdf(the_arm, dict(the_arm.bodies), urdf := tmp_path / "arm.urdf")
+    body = load_rigid_body(urdf.read_text())
+    noise = noise_in_band([sensor.noise for sensor in the_arm.noise.torque_sensor], seed=0)
+    loose, exact = (evidence_beyond_links(scale, hidden, body, noise, share) for share in (0.05, 1e-9))
+    # The torque's mean square below the band, in as many independent rows as that holds in two playings.
+    rms = unexplained(scale.played(hidden), the_arm.installation, scale.clean)
+    seconds = 2.0 * sum(m.duration_s for name, m in playlist.motions.items() if not name.startswith("held-out"))
+    assert exact == pytest.approx(0.5 * 2.0 * BAND_HZ * seconds * float(np.sum((rms / noise) ** 2)), rel=0.15)
+    assert exact > 20.0
+    assert (loose > 20.0) == told
+    assert loose < exact
 
 
 def test_what_the_plant_cannot_step_or_the_arm_not_bear_is_not_staged() -> None:
