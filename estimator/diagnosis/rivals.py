@@ -60,6 +60,7 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             gap = 0.0 if untold else mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
+            gap += _one_of_many(scores, k) if not scores.recurs(candidate) else 0.0
             usual = _against_usual(scores, candidate, chosen, k) if scores.hypothesis(k).place == place else None
             gap = gap if usual is None else min(gap, max(usual, 0.0))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):
@@ -157,6 +158,12 @@ def _beside(scores: Scores, candidate: int, chosen: Sequence[int], gains: Array)
     spectrum that is there bends the others: that is no merit of its own."""
     told = scores.owner[candidate] not in scores.owner[list(chosen)] and np.isfinite(gains[candidate])
     return max(float(gains[candidate]), 0.0) if told else 0.0
+
+
+def _one_of_many(scores: Scores, candidate: int) -> float:
+    """nats by which chance lets the best line of a law exceed any one of them; none of a law that has no lines. A line
+    that was found has been asked for them."""
+    return float(np.log(np.sum(scores.owner == scores.owner[candidate]))) if scores.recurs(candidate) else 0.0
 
 
 def _shapes(scores: Scores, candidate: int) -> int:
