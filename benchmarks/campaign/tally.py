@@ -16,8 +16,8 @@ Z = 1.96
 SIZES = ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.5), (1.5, np.inf))
 """Ranges of effect / noise that are tallied apart."""
 DECIDABLE = 10.0
-"""nats: one of some hundred hypotheses explains less by chance, nineteen times in twenty. With less for the truth than
-that over links within their tolerance, nobody can name it."""
+"""nats: one of some hundred hypotheses explains less by chance, nineteen times in twenty. With less for the truth over
+links within their tolerance, that tolerance alone tells no cause; where the links are exact, a finder may learn so."""
 
 
 @dataclass(frozen=True)

@@ -85,8 +85,6 @@ class Admission:
     def stands_out(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a line stands out of the spectrum that is left beside it and all that are ``chosen``, whose lines
         explain by chance as much as half of them do: pushes at few places are periodic at all orders, and at none."""
-        if not self.scores.recurs(candidate):
-            return True
         gain = float(self.scores.gains(chosen)[candidate])
         lines = self.scores.owner == self.scores.owner[candidate]
         left = self.scores.gains([*chosen, candidate])[lines]

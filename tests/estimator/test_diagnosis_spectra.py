@@ -13,6 +13,8 @@ from estimator import RigidBody, Trajectory
 from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence import gather
+from estimator.diagnosis.plainer import without_menders
+from estimator.diagnosis.refinement import fitted
 from estimator.diagnosis.scores import Scores
 
 Array = NDArray[np.float64]
@@ -47,6 +49,8 @@ def test_pushes_at_few_places_are_no_line_of_a_cogging(
     best = max(coggings, key=lambda k: gains[k])
     assert scores.chance.excluded(int(scores.owner[best]), float(gains[best]), 0.002)
     assert admission.stands_out(best, []) == stands
+    told, _ = without_menders(evidence, scores, [best], fitted(evidence, scores, [best]))
+    assert [cause.candidate for cause in told] == [best] * stands
 
 
 @pytest.mark.parametrize(("amplitude", "named"), [(0.5, True), (3.0, False)])
