@@ -71,7 +71,7 @@ def _better_there(before: Array, reading: _Reading) -> bool:
     others, which are explained the better then, and itself the worse: so a strong spring at a light wrist was kN·m."""
     if reading.kind not in ("torque scale", "torque sign"):
         return True
-    return all(reading.left[joint] < before[joint] for joint in reading.joints)
+    return all(reading.left[joint] < before[joint] for joint in reading.joints if np.isfinite(before[joint]))
 
 
 def _gain(before: Array, after: Array) -> float:
@@ -84,6 +84,9 @@ def _readings(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[_R
         left = model.left(other)
         if left is not None:
             yield _Reading(kind, (joint,), left, size=size)
+    left = model.left(replace(shot, tau=-shot.tau))
+    if left is not None:
+        yield _Reading("torque sign", tuple(range(model.body.n)), left)
     backwards = list(range(model.body.n))[::-1]
     for kind in ORDERS:
         left = model.left(shot.of(kind, backwards))
@@ -154,7 +157,7 @@ def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:
         order = ", ".join(f"{names[k]} as {names[j]}" for j, k in enumerate(reading.order) if j != k)
         problem, remedy = f"{what} are out of order: {gain} one reads {order}", f"put the {what} in the URDF's order"
     elif reading.kind == "torque sign":
-        problem, remedy = f"the torque of {joints[0]} has the wrong sign: {gain} it is turned", "turn its sign"
+        problem, remedy = f"the torque of {', '.join(joints)} has the wrong sign: {gain} it is turned", "turn its sign"
     elif reading.kind == "angle sign":
         problem = f"the angle of {joints[0]} runs the other way round than its torque and the URDF: {gain} it is turned"
         remedy = "turn the sign of its angle and velocity"

@@ -92,9 +92,9 @@ def _without_leaps(recording: Recording, body: RigidBody) -> list[str]:
         hurt = about(recording.t, places)
         told = _told(recording, joint, column, "rad" if axis.revolute else "m", places)
         if np.mean(hurt) > _MOST:
-            raise InputError(
-                str(recording.path), f"{told}, as no joint moves", "repair that angle, or cut the recording there"
-            )
+            degrees = ", or convert the angles if they are in degrees" if axis.revolute else ""
+            remedy = f"repair that angle, or cut the recording there{degrees}"
+            raise InputError(str(recording.path), f"{told}, as no joint moves", remedy)
         notes.append(f"{recording.path.name}: {told}, as no joint moves: what lies about it is left out")
         damaged |= hurt
     recording.q[damaged] = np.nan

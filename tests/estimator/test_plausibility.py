@@ -96,6 +96,8 @@ def test_channels_exchanged_by_themselves_are_named(
 def test_torque_of_the_other_sign(six_axis: RigidBody, recording: Trajectory) -> None:
     doubt = named(six_axis, replace(recording, tau=-recording.tau))
     assert doubt.kind == "torque sign"
+    (doubt,) = examine(six_axis, [replace(recording, tau=-recording.tau)], believed=True)
+    assert (doubt.kind, doubt.joints) == ("torque sign", six_axis.joints), "of all, and not of what explains a little"
     one = recording.tau * np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
     doubt = named(six_axis, replace(recording, tau=one))
     assert doubt.kind == "torque sign"

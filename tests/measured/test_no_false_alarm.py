@@ -58,7 +58,10 @@ def test_a_measured_recording_altered() -> None:
         "angle zero": replace(right, q=right.q + quarter),
         "torque scale": replace(right, tau=right.tau / 9.80665),
     }
+    half = panda().recordings["panda_first_half"]
+    altered["torque sign"] = replace(half, tau=-half.tau)
     for kind, wrong in altered.items():
         (doubt,) = examine(body, [wrong], believed=True)
         assert doubt.kind == kind
         assert doubt.wrong
+    assert doubt.joints == body.joints, "and not the angle of one joint, whose sign explains a little"
