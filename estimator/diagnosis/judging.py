@@ -90,8 +90,11 @@ def judge(evidence: Evidence) -> Judged:
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     if found.widest is not scores:
         found.widest.reweigh(stood)
-    known = [_known(named, number) for number in range(len(seen))]
     findings = [finding(found, named, number, cause, seen) for number, cause in enumerate(seen)]
+    known = [
+        _known(named, number) and (one.status == "ambiguous" or _shows_a_period(named, number))
+        for number, one in enumerate(findings)
+    ]
     return Judged(
         found.evidence,
         scores,
@@ -209,6 +212,16 @@ def _known(refined: Refined, number: int) -> bool:
     own = refined.design.candidates[number]
     errors = np.sqrt(np.diag(refined.covariance_of(number)))[: len(own.theta)]
     return refined.design.hypotheses[own.hypothesis].effect.known(own.theta - _WITHIN * errors)
+
+
+def _shows_a_period(refined: Refined, number: int) -> bool:
+    """Whether a cause is no line alone whose order may be none. Of several that are near to each other none is sure of
+    its own; together they are."""
+    own = refined.design.candidates[number]
+    lines = [one for one in refined.design.candidates if one.hypothesis == own.hypothesis]
+    if len(lines) > 1 or not refined.design.hypotheses[own.hypothesis].effect.recurs:
+        return True
+    return bool(own.theta[0] > _WITHIN * np.sqrt(refined.covariance_of(number)[0, 0]))
 
 
 def _told(refined: Refined, number: int) -> float:

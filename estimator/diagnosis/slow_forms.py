@@ -65,48 +65,73 @@ def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterat
 
 
 def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
-    """The chosen with two slow lines in the place of one, or more, and of a cause that they look like, where two are
-    better at their best shapes: one in the place of two that have hardly a period each takes a shape between theirs,
-    and leaves an offset, a spring, or a wall."""
+    """The chosen with two slow lines in the place of one, or more, and of a cause that they look like, or of a spring
+    with all that they look like beside it, where two are better at their best shapes: one in the place of two that have
+    hardly a period each takes a shape between theirs, and leaves an offset, a spring, or a wall; and both together are
+    bent as a spring may be."""
     for cause in tuple(chosen):
         for law in _laws_of_lines(evidence, scores, cause, chosen) if cause in chosen else ():
-            trial, shaped = _with_two(evidence, scores, law, cause, chosen)
-            if worth(scores, trial, shaped) > worth(scores, chosen, refined) + AMBIGUOUS:
+            trial, shaped, chance = _with_two(evidence, scores, law, cause, chosen)
+            if worth(scores, trial, shaped) - chance > worth(scores, chosen, refined) + AMBIGUOUS:
                 chosen, refined = trial, shaped
                 break
     return chosen, refined
 
 
 def beside_two_lines(evidence: Evidence, scores: Scores, causes: Sequence[Cause], refined: Refined) -> Iterator[Cause]:
-    """The causes, ``refined`` together, of which those that may be two lines (`of_two_lines`) have them as an
-    alternative, as far behind as they are."""
+    """The causes, ``refined`` together, of which those that may be two lines (`of_two_lines`), alone or together, have
+    them as an alternative, as far behind as they are."""
     chosen = [cause.candidate for cause in causes]
+    pairs = [
+        _with_two(evidence, scores, law, k, chosen)
+        for k in chosen
+        for law in _laws_of_lines(evidence, scores, k, chosen)
+    ]
     for cause in causes:
-        for law in _laws_of_lines(evidence, scores, cause.candidate, chosen):
-            trial, shaped = _with_two(evidence, scores, law, cause.candidate, chosen)
-            behind = max(worth(scores, chosen, refined) - worth(scores, trial, shaped), 0.0)
-            cause = cause.beside(Alternative(trial[-1], behind), scores)
+        for trial, shaped, chance in pairs:
+            if cause.candidate not in trial and scores.owner[cause.candidate] != scores.owner[trial[-1]]:
+                behind = worth(scores, chosen, refined) - worth(scores, trial, shaped) + chance
+                cause = cause.beside(Alternative(trial[-1], max(behind, 0.0)), scores)
         yield cause
 
 
 def _laws_of_lines(evidence: Evidence, scores: Scores, cause: int, chosen: Sequence[int]) -> list[int]:
-    """The hypotheses of the slow lines among the chosen that a cause looks like, of joints where it acts."""
-    name, acts = scores.hypothesis(cause).effect.name, scores.design.candidates[cause].channels
+    """The hypotheses of the slow lines among the chosen that a cause looks like, of joints where it acts; where there
+    are none, of those that its own place may have."""
+    own, acts = scores.hypothesis(cause), scores.design.candidates[cause].channels
+    name, alike = own.effect.name, {*own.effect.looks_like, *own.effect.confused_with}
     like = [k for k in chosen if scores.recurs(k) and name in scores.hypothesis(k).effect.looks_like]
     there = [k for k in like if set(scores.design.candidates[k].channels) <= set(acts)]
-    return list(dict.fromkeys(int(scores.owner[k]) for k in there if _slow(evidence, scores, k, list(chosen))))
+    slow = dict.fromkeys(int(scores.owner[k]) for k in there if _slow(evidence, scores, k, list(chosen)))
+    instead = (
+        number
+        for number, law in enumerate(scores.design.hypotheses)
+        if law.place == own.place and law.effect.recurs and law.effect.looks_like and law.effect.name in alike
+    )
+    return list(slow) or list(instead)
 
 
 def _with_two(
     evidence: Evidence, scores: Scores, law: int, cause: int, chosen: Sequence[int]
-) -> tuple[list[int], Refined]:
+) -> tuple[list[int], Refined, float]:
     """The chosen with two slow lines of a law at their best shapes, the last two, in the place of its own and of a
-    cause."""
+    cause; where it has none, in the place of all that they look like. And the nats by which chance lets the best pair
+    of lines exceed any one, where none was found before."""
     others = [k for k in chosen if k != cause and scores.owner[k] != law]
     slow = [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
+    found = any(scores.owner[k] == law for k in chosen)
+    if not found:
+        names, acts = scores.hypothesis(slow[0]).effect.looks_like, set(scores.design.candidates[slow[0]].channels)
+        others = [
+            k
+            for k in others
+            if scores.hypothesis(k).effect.name not in names or not acts <= set(scores.design.candidates[k].channels)
+        ]
     trials = [[*others, *pair] for pair in combinations(slow, min(len(slow), 2))]
     best = sorted(trials, key=scores.nats)[-_STARTS:]
-    return max(((trial, fitted(evidence, scores, trial)) for trial in best), key=lambda one: worth(scores, *one))
+    chance = 0.0 if found else float(np.log(len(trials)))
+    shaped = ((trial, fitted(evidence, scores, trial)) for trial in best)
+    return *max(shaped, key=lambda one: worth(scores, *one)), chance
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:

@@ -24,6 +24,7 @@ class Cogging(JointEffect):
     in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "N·m", "phase": "rad"}
     recurs = True
+    beyond_known = "a function of the angle, of which no period is seen"
     looks_like = ("joint_spring", "torque_offset", "contact", "base_tilt")
     confused_with = ("encoder_eccentricity", "torque_ripple")
     seen_against = "q"

@@ -90,7 +90,7 @@ class Law(ABC):
     """Of each entry of theta, the largest that a thing of this name has; its grid goes farther, so that what only looks
     like one is seen not to be. Empty: what the grid holds."""
     beyond_known: ClassVar[str] = ""
-    """What has a larger one, as a signature of what has no name."""
+    """What has a larger one, or of a line no period that is seen, as a signature of what has no name."""
     mends_below: ClassVar[float] = 0.0
     """With a first theta below, it differs from what it contains in form alone: where it explains little more than
     that, it stands for a form that the plainer law has not, and is told as that law. Zero: never."""
@@ -100,6 +100,8 @@ class Law(ABC):
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
     told_by_repeats: ClassVar[bool] = False
     """Whether only a motion that is played again tells it from what it contains."""
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    """What it is mostly taken for. Where that has slow lines, two of them are compared with it."""
     looks_like: ClassVar[tuple[str, ...]] = ()
     """Effects of other shapes that it may look like where the motion shows a part of either: compared with each at the
     shape that suits it best."""
@@ -194,8 +196,6 @@ class Effect(Law):
 
     ``name`` and the keys of ``units`` (parameter → unit) are those of the catalogue.
     """
-
-    confused_with: ClassVar[tuple[str, ...]] = ()
 
     momentary: ClassVar[bool] = False
     """Whether its torque is a smooth function of q, dq and ddq of one instant: it can be linearised there."""

@@ -24,6 +24,7 @@ class TorqueRipple(JointEffect):
     in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
     recurs = True
+    beyond_known = "a function of the torque and the angle, of which no period is seen"
     confused_with = ("cogging",)
     experiment = "sweep {joint} slowly through its range, under two loads"
 

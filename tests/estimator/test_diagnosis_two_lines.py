@@ -14,6 +14,16 @@ from estimator.diagnosis.diagnose import diagnose
 Array = NDArray[np.float64]
 
 
+def two_pulleys(order: float, phase: float, amplitude: float) -> Callable[[Array, Array], Array]:
+    """Out of round, and of a ratio that is no fraction, at the first of two joints."""
+
+    def law(q: Array, dq: Array) -> Array:
+        waves = np.sin(order * q + phase) + np.sin(1.72 * order * q + 2.3 * phase)
+        return np.asarray(np.array([amplitude, 0.0]) * waves)
+
+    return law
+
+
 @pytest.mark.parametrize(
     ("order", "phase", "amplitude"),
     [(1.8, 3.0, 0.4), (1.2, 0.0, 0.2), (1.2, 2.0, 0.4), (1.2, 4.0, 0.4), (1.2, 5.0, 0.4)],
@@ -26,17 +36,40 @@ def test_two_lines_are_no_line_beside_another_law(
     amplitude: float,
 ) -> None:
     body = make_chain("rr")
-
-    def pulleys(q: Array, dq: Array) -> Array:
-        waves = np.sin(order * q + phase) + np.sin(1.72 * order * q + 2.3 * phase)
-        return np.array([amplitude, 0.0]) * waves
-
-    found = diagnose(body, play_twice(body, pulleys, noise=0.2))
+    found = diagnose(body, play_twice(body, two_pulleys(order, phase, amplitude), noise=0.2))
     assert [(f.effect, f.place.joint) for f in found.findings] == [("cogging", 0), ("cogging", 0)]
     assert found.unexplained == {}
     orders = [f.parameters["order"] for f in found.findings]
     for told, true in zip(sorted(orders, key=lambda one: float(one.value)), (order, 1.72 * order), strict=True):
         assert abs(float(told.value) - true) < max(3.5 * float(told.standard_error), 0.03)
+
+
+@pytest.mark.parametrize(
+    ("order", "phase", "amplitude"),
+    # In the place of a ripple, twice, and of one with an eccentric encoder.
+    [(2.4, 0.0, 0.05), (2.4, 5.0, 0.05), (1.8, 5.0, 0.1)],
+)
+def test_two_weak_lines_are_no_ripple(
+    make_chain: Callable[..., RigidBody],
+    play_twice: Callable[..., list[Trajectory]],
+    order: float,
+    phase: float,
+    amplitude: float,
+) -> None:
+    """One of a torque that goes with the cosine of the angle is two lines itself."""
+    body = make_chain("rr")
+    found = diagnose(body, play_twice(body, two_pulleys(order, phase, amplitude), noise=0.2))
+    assert [(f.effect, f.place.joint, f.status) for f in found.findings] == [("cogging", 0, "named")] * 2
+
+
+def test_two_weak_lines_may_stand_for_two_other_laws_together(
+    make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[Trajectory]]
+) -> None:
+    """A spring and a wall."""
+    body = make_chain("rr")
+    found = diagnose(body, play_twice(body, two_pulleys(1.2, 1.0, 0.1), noise=0.2))
+    assert found.verdict == "ambiguous"
+    assert all("cogging" in {f.effect, *(a.effect for a in f.alternatives)} for f in found.findings)
 
 
 def test_a_line_beside_an_offset_stays_what_it_is(
