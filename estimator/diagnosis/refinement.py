@@ -100,8 +100,7 @@ def refine(
     for _ in range(_ITERATIONS):
         stepped = [*trial, *_neighbours(trial, spans)]
         wide, block = pass_over(stepped)
-        size = design.given + sum(len(c.columns) for c in trial)
-        model = Conditional(Weighted(wide, block, weights), np.arange(size))
+        model = within_limits(Weighted(wide, block, weights), wide.candidates[: len(trial)])
         gain = model.explained
         if gain < best + _ENOUGH and np.isfinite(best):
             if gain > best:
@@ -111,7 +110,7 @@ def refine(
         else:
             best, candidates = gain, trial
             step = _newton_step(wide, model, trial, spans)
-            late = _late(wide, model.value, trial)
+            late = _late(wide, _value(model), trial)
         trial = _moved(candidates, late, step, spans)
         if not any(np.any(np.abs(a.theta - b.theta) > 1e-9) for a, b in zip(trial, candidates, strict=True)):
             break
@@ -121,9 +120,14 @@ def refine(
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)
     model = within_limits(Weighted(own, block, weights), own.candidates)
-    value = np.zeros(own.size)
+    return Refined(own, _value(model), covariance, model)
+
+
+def _value(model: Conditional) -> Array:
+    """(size of the design,) what the model has of each unknown: of those that it has not, nothing."""
+    value = np.zeros(model.design.size)
     value[model.active] = model.value
-    return Refined(own, value, covariance, model)
+    return value
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:
@@ -175,7 +179,7 @@ def _information(design: Design, model: Conditional, slopes: Array) -> tuple[Arr
     """Schur complement of theta after the linear unknowns, its score, and the linear unknowns' response."""
     everything = np.arange(design.size)
     whole = model.told.with_all(everything)
-    cross = slopes @ whole[:, : len(model.active)]
+    cross = slopes @ whole[:, model.active]
     response = model.solve(cross.T)
     inner = slopes @ whole @ slopes.T - cross @ response
     score = slopes @ model.right - cross @ model.value
@@ -185,7 +189,7 @@ def _information(design: Design, model: Conditional, slopes: Array) -> tuple[Arr
 def _newton_step(
     design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
 ) -> Array:
-    slopes = _slopes(design, model.value, candidates, spans)
+    slopes = _slopes(design, _value(model), candidates, spans)
     if not len(slopes):
         return np.zeros(0)
     inner, score, _ = _information(design, model, slopes)
@@ -231,7 +235,7 @@ def _covariance(
     """Of linear unknowns and theta together, by block inversion; a theta that the data do not tell keeps the variance
     of its span, and one without a span has no error."""
     size = len(model.active)
-    slopes = _slopes(design, model.value, candidates, spans)
+    slopes = _slopes(design, _value(model), candidates, spans)
     thetas = len(slopes)
     result = np.zeros((size + thetas, size + thetas))
     result[:size, :size] = model.covariance

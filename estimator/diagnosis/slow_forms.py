@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,8 @@ from estimator.effects import Place
 
 _PERIODS = 6.0
 """Over a joint's range; a faster line is the form of no spring."""
+_APART = np.pi / 2.0
+"""rad that two lines must come apart over a joint's range: half of what those of the grid do."""
 _STARTS = 2
 """Pairs of lines on the grid, from which two lines are sought at their best shapes."""
 
@@ -64,6 +67,19 @@ def look_alikes(evidence: Evidence, scores: Scores, chosen: list[int]) -> Iterat
             yield max(shaped, key=lambda one: worth(scores, *one))
 
 
+@dataclass(frozen=True)
+class _Pair:
+    """Two slow lines in the place of others of the chosen, all at their best shapes."""
+
+    chosen: list[int]
+    """The lines last."""
+    refined: Refined
+    more: float
+    """nats that they must explain more than what they stand for."""
+    apart: bool
+    """Whether they did not become one: such two are a polynomial of the angle, which bends as any law does."""
+
+
 def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
     """The chosen with two slow lines in the place of one, or more, and of a cause that they look like, or of a spring
     with all that they look like beside it, where two are better at their best shapes: one in the place of two that have
@@ -71,9 +87,10 @@ def of_two_lines(evidence: Evidence, scores: Scores, chosen: list[int], refined:
     bent as a spring may be."""
     for cause in tuple(chosen):
         for law in _laws_of_lines(evidence, scores, cause, chosen) if cause in chosen else ():
-            trial, shaped, chance = _with_two(evidence, scores, law, cause, chosen)
-            if worth(scores, trial, shaped) - chance > worth(scores, chosen, refined) + AMBIGUOUS:
-                chosen, refined = trial, shaped
+            pair = _with_two(evidence, scores, law, cause, chosen)
+            least = worth(scores, chosen, refined) + pair.more + AMBIGUOUS
+            if pair.apart and worth(scores, pair.chosen, pair.refined) > least:
+                chosen, refined = pair.chosen, pair.refined
                 break
     return chosen, refined
 
@@ -88,10 +105,11 @@ def beside_two_lines(evidence: Evidence, scores: Scores, causes: Sequence[Cause]
         for law in _laws_of_lines(evidence, scores, k, chosen)
     ]
     for cause in causes:
-        for trial, shaped, chance in pairs:
-            if cause.candidate not in trial and scores.owner[cause.candidate] != scores.owner[trial[-1]]:
-                behind = worth(scores, chosen, refined) - worth(scores, trial, shaped) + chance
-                cause = cause.beside(Alternative(trial[-1], max(behind, 0.0)), scores)
+        for pair in pairs:
+            line = pair.chosen[-1]
+            if cause.candidate not in pair.chosen and scores.owner[cause.candidate] != scores.owner[line]:
+                behind = worth(scores, chosen, refined) + pair.more - worth(scores, pair.chosen, pair.refined)
+                cause = cause.beside(Alternative(line, max(behind, 0.0)), scores)
         yield cause
 
 
@@ -108,17 +126,15 @@ def _laws_of_lines(evidence: Evidence, scores: Scores, cause: int, chosen: Seque
         for number, law in enumerate(scores.design.hypotheses)
         if law.place == own.place and law.effect.recurs and law.effect.looks_like and law.effect.name in alike
     )
-    return list(slow) or list(instead)
+    return list(slow) or [law for law in instead if len(_slow_lines(evidence, scores, law)) > 1]
 
 
-def _with_two(
-    evidence: Evidence, scores: Scores, law: int, cause: int, chosen: Sequence[int]
-) -> tuple[list[int], Refined, float]:
-    """The chosen with two slow lines of a law at their best shapes, the last two, in the place of its own and of a
-    cause; where it has none, in the place of all that they look like. And the nats by which chance lets the best pair
-    of lines exceed any one, where none was found before."""
+def _with_two(evidence: Evidence, scores: Scores, law: int, cause: int, chosen: Sequence[int]) -> _Pair:
+    """Two slow lines of a law in the place of its own and of a cause; where it has none, in the place of all that they
+    look like. Where none was found before, chance lets the best of all pairs exceed any one, and the form of what they
+    stand for is no more exact than any."""
     others = [k for k in chosen if k != cause and scores.owner[k] != law]
-    slow = [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
+    slow = _slow_lines(evidence, scores, law)
     found = any(scores.owner[k] == law for k in chosen)
     if not found:
         names, acts = scores.hypothesis(slow[0]).effect.looks_like, set(scores.design.candidates[slow[0]].channels)
@@ -128,10 +144,17 @@ def _with_two(
             if scores.hypothesis(k).effect.name not in names or not acts <= set(scores.design.candidates[k].channels)
         ]
     trials = [[*others, *pair] for pair in combinations(slow, min(len(slow), 2))]
-    best = sorted(trials, key=scores.nats)[-_STARTS:]
-    chance = 0.0 if found else float(np.log(len(trials)))
-    shaped = ((trial, fitted(evidence, scores, trial)) for trial in best)
-    return *max(shaped, key=lambda one: worth(scores, *one)), chance
+    best = [(trial, fitted(evidence, scores, trial)) for trial in sorted(trials, key=scores.nats)[-_STARTS:]]
+    trial, shaped = max(best, key=lambda one: worth(scores, *one))
+    if found:
+        return _Pair(trial, shaped, 0.0, True)
+    orders = [candidate.theta[0] for candidate in shaped.design.candidates[-2:]]
+    apart = bool(np.ptp(orders) * _reach(evidence, scores.hypothesis(slow[0]).place) > _APART)
+    return _Pair(trial, shaped, max(float(np.log(len(trials))), FORM * scores.nats_there(cause, chosen)), apart)
+
+
+def _slow_lines(evidence: Evidence, scores: Scores, law: int) -> list[int]:
+    return [k for k in map(int, np.flatnonzero(scores.owner == law)) if _slow(evidence, scores, k, [])]
 
 
 def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> bool:
@@ -142,8 +165,13 @@ def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> 
         return any(line.place == own.place and own.effect.name in line.effect.looks_like for line in lines)
     if not own.effect.looks_like:
         return False
-    ends = [end(piece.signals.q[:, own.place.joint]) for piece in evidence.pieces for end in (np.min, np.max)]
-    return float(scores.design.candidates[cause].theta[0] * np.ptp(ends)) < 2.0 * np.pi * _PERIODS
+    return float(scores.design.candidates[cause].theta[0]) * _reach(evidence, own.place) < 2.0 * np.pi * _PERIODS
+
+
+def _reach(evidence: Evidence, place: Place) -> float:
+    """rad that a joint moves through."""
+    ends = [end(piece.signals.q[:, place.joint]) for piece in evidence.pieces for end in (np.min, np.max)]
+    return float(np.ptp(ends))
 
 
 def _instead(scores: Scores, place: Place, slow: list[int], others: list[int]) -> Iterator[int]:
