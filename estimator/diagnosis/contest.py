@@ -159,8 +159,9 @@ class Contest:
             return None
         own = self._best(finding).columns
         model = Conditional(Weighted(self.design, block, self.weights), np.concatenate([self.active, own]))
-        shapes = [self.design.candidates[k].columns for k in rival.candidates]
-        return against_typical(model, finding.hypothesis.effect, own, rival.hypothesis.effect, shapes)
+        law, alike = rival.hypothesis.effect, [self.design.candidates[k] for k in rival.candidates]
+        shapes = [candidate.columns for candidate in alike if law.usual(candidate.theta)]
+        return against_typical(model, finding.hypothesis.effect, own, law, shapes)
 
     def _best(self, rival: Rival) -> Candidate:
         """A rival's candidate that the data so far support best."""

@@ -123,7 +123,8 @@ def _against_usual(scores: Scores, candidate: int, chosen: list[int], rival: int
     """nats that speak against what a rival usually has beside the plainer law that a chosen candidate is, or
     contains."""
     law, wide = (scores.hypothesis(k).effect for k in (candidate, rival))
-    shapes = [scores.design.candidates[k].columns for k in np.flatnonzero(scores.owner == scores.owner[rival])]
+    alike = [scores.design.candidates[k] for k in np.flatnonzero(scores.owner == scores.owner[rival])]
+    shapes = [candidate.columns for candidate in alike if wide.usual(candidate.theta)]
     return against_typical(scores.model(chosen), law, scores.design.candidates[candidate].columns, wide, shapes)
 
 

@@ -175,13 +175,16 @@ def _reach(evidence: Evidence, place: Place) -> float:
 
 
 def _instead(scores: Scores, place: Place, slow: list[int], others: list[int]) -> Iterator[int]:
-    """Candidates of what the slow lines of a place look like, the best beside all others for each centre of their
-    grid, from which no steps along a slope lead to the next."""
+    """Candidates of what the slow lines of a place look like, the best beside all others for each choice of theirs and
+    each centre of their grid, from which no steps along a slope lead to the next."""
     names = {name for k in slow if scores.recurs(k) for name in scores.hypothesis(k).effect.looks_like}
     gains, best = scores.gains(others), dict[tuple[int, bytes], int]()
     for k, candidate in enumerate(scores.design.candidates):
         law = scores.hypothesis(k)
         if law.place == place and law.effect.name in names and k not in slow:
-            key = candidate.hypothesis, candidate.theta[-1:].tobytes()
+            key = (
+                candidate.hypothesis,
+                candidate.theta[[*law.effect.choices, *range(len(candidate.theta))[-1:]]].tobytes(),
+            )
             best[key] = max(best.get(key, k), k, key=lambda one: gains[one])
     yield from best.values()

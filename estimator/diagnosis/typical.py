@@ -23,12 +23,12 @@ def against_typical(
     the ``law`` that was found is, or contains: bristles beside which a friction may rise from rest as it does beside
     Coulomb's. None where that is not known, or the law not in the model.
 
-    ``columns``: the law's unknowns in the model. ``shapes``: the columns (c,) of the wide law's candidates, which are
-    as likely as each other. What data are too poor to show, they do not speak against.
+    ``columns``: the law's unknowns in the model. ``shapes``: the columns (c,) of the wide law's candidates that have
+    them, which are as likely as each other. What data are too poor to show, they do not speak against.
     """
     plain = next((name for name in (law.name, *law.contains) if name in wide.typical), None)
     places = [int(own) for k in law.levels for own in np.flatnonzero(model.active == columns[k])]
-    if plain is None or not places:
+    if plain is None or not places or not shapes:
         return None
     typical = wide.typical[plain]
     # Of a friction that drifts the larger level is the one that is known.

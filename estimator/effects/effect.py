@@ -117,6 +117,10 @@ class Law(ABC):
         """Whether there are things of its name with these."""
         return bool(np.all(theta[: len(self.known_up_to)] <= np.array(self.known_up_to)))
 
+    def usual(self, theta: Array) -> bool:
+        """Whether it has its `typical` coefficients at this shape."""
+        return bool(self.typical)
+
     def differs(self, theta: Array, coefficients: Array) -> bool:
         """Whether it is more with these than a form of what it contains."""
         return True

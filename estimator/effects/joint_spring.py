@@ -28,9 +28,9 @@ class JointSpring(JointEffect):
     two points does about its dead centre; with sinh(|β|·(q − q0))/|β| for a β below zero it hardens, as a hose that is
     pulled tight.
 
-    theta is the form, β and q0; of a straight one the last two say nothing. The stiffness may be negative: a
-    counterbalance pushes away from where it is in line with the arm. κ has the same sign: what pulls near its centre
-    and pushes farther away turns back as a periodic torque does, and no spring.
+    theta is the form, β and q0; of a straight one the last two say no more than from where its force is counted. The
+    stiffness may be negative: a counterbalance pushes away from where it is in line with the arm. κ has the same sign:
+    what pulls near its centre and pushes farther away turns back as a periodic torque does, and no spring.
     """
 
     name = "joint_spring"
@@ -39,6 +39,7 @@ class JointSpring(JointEffect):
     choices = (0,)
     confused_with = ("base_tilt", "joint_elasticity", "torque_offset")
     contains = ("torque_offset",)
+    typical: ClassVar = {"torque_offset": (1.0, 0.0)}
     looks_like = ("cogging", "contact", "base_tilt")
     seen_against = "q"
     experiment = "rest in a grid of poses over the range of {joint}"
@@ -47,26 +48,31 @@ class JointSpring(JointEffect):
         joint = self.joint(place)
         low, reach = float(scales.q_low[joint]), float(scales.q_high[joint] - scales.q_low[joint])
         if reach <= 0.0:
-            return np.array([[STRAIGHT, 0.0, 0.0]])
+            return np.array([[STRAIGHT, 0.0, low]])
         shapes = [[2.0 * bend / reach, low + share * reach] for bend in BENDS for share in CENTRES]
-        return np.array([[STRAIGHT, 0.0, 0.0], *([way, *shape] for way in (PULLING, PUSHING) for shape in shapes)])
+        straight = [STRAIGHT, 0.0, low + 0.5 * reach]
+        return np.array([straight, *([way, *shape] for way in (PULLING, PUSHING) for shape in shapes)])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         q = signals.q[:, self.joint(place)]
         form, bend, centre = _form(theta), float(theta[1]), float(theta[2])
         if form == STRAIGHT:
-            return np.stack([q, np.ones_like(q)], axis=1)[:, None, :]
+            return np.stack([q - centre, np.ones_like(q)], axis=1)[:, None, :]
         return form * np.stack([bent(q - centre, bend), q - centre], axis=1)[:, None, :]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         free = np.full(2, np.inf)
         return (-free if _form(theta) == STRAIGHT else np.zeros(2)), free
 
+    def usual(self, theta: Array) -> bool:
+        """Of a straight one, that its centre is a radian from the middle of the joint's range."""
+        return _form(theta) == STRAIGHT
+
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         first, second = map(float, coefficients)
         form, bend, centre = _form(theta), float(theta[1]), float(theta[2])
         if form == STRAIGHT:
-            return {"stiffness": first, "centre": -second / first if first else 0.0}
+            return {"stiffness": first, "centre": centre - second / first if first else 0.0}
         return {"stiffness": form * (first + second), "centre": centre, "bend": bend, "straight": form * second}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
