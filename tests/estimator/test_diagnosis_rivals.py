@@ -87,6 +87,22 @@ def record(make_periodic: Periodic) -> Record:
     return make
 
 
+def test_a_spring_stands_beside_an_offset_unless_its_usual_stiffness_would_show(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """A spring whose centre is a radian away, of which a tenth of a radian shows little more than the offset; and an
+    offset, over a way along which such a spring would be seen."""
+    body = make_chain("rr")
+    spring = played(body, make_periodic, lambda t, q, dq: 0.15 * (1.0 + q), reach=0.1, seed=1)
+    offset = played(body, make_periodic, lambda t, q, dq: 0.8 * np.ones_like(q), reach=0.4, seed=1)
+    (found,) = diagnose(body, spring, tolerance=0.005).findings
+    assert (found.effect, found.status) == ("torque_offset", "ambiguous")
+    assert "joint_spring" in [a.effect for a in found.alternatives]
+    (found,) = diagnose(body, offset).findings
+    assert (found.effect, found.status) == ("torque_offset", "named")
+    assert next(a.log_likelihood_gap for a in found.rivals if a.effect == "joint_spring") > 10.0
+
+
 @pytest.mark.parametrize(("reach", "first", "second"), [(0.4, 2.5, 4.3), (0.25, 3.0, 5.2), (0.4, 1.7, 2.9)])
 def test_a_spring_beside_a_slow_cogging_may_be_its_form(
     make_chain: Callable[..., RigidBody], record: Record, reach: float, first: float, second: float
