@@ -9,7 +9,7 @@ from estimator.plausibility.examine import (
     without_dead_velocities,
     without_unusable_torques,
 )
-from estimator.plausibility.leaps import about, leaps, turns
+from estimator.plausibility.leaps import about, how_far, leaps, turns
 from estimator.plausibility.poor_motion import missing_motions
 from estimator.plausibility.times import check_times
 from estimator.plausibility.wrench import readable_wrench
@@ -24,6 +24,7 @@ __all__ = [
     "dead",
     "examine",
     "examine_motion",
+    "how_far",
     "leaps",
     "missing_motions",
     "readable_wrench",

@@ -49,6 +49,15 @@ def leaps(t: Array, angle: Array) -> NDArray[np.intp]:
     return np.asarray(told[1:][(beside > _LEAST) & (beside > _TIMES * usual)])
 
 
+def how_far(angle: Array, places: NDArray[np.intp]) -> Array:
+    """(places,) of leaps of an angle (samples,), how far each is beside what the samples about it step: a sample that
+    repeats the one before it is as far off as the joint moved."""
+    told = np.flatnonzero(np.isfinite(angle))
+    steps = np.diff(angle[told])
+    own = np.searchsorted(told, places) - 1
+    return np.array([abs(steps[k] - np.median(steps[max(k - _TREND, 0) : k + _TREND + 1])) for k in own])
+
+
 def about(t: Array, places: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(samples,) which samples, at times (samples,) s, are damaged with the leaps."""
     result = np.zeros(len(t), dtype=np.bool_)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from config import InputError
 from driver.recording import Recording
-from estimator.plausibility import about, leaps, turns
+from estimator.plausibility import about, how_far, leaps, turns
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 _TURN = 2.0 * np.pi
 _MOST = 0.01
 """Of the samples: more that are damaged are no accident."""
+_AS_FAR = 0.9
+"""Of the largest leap, what others must be to be as large."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +104,10 @@ def _without_leaps(recording: Recording, body: RigidBody) -> list[str]:
 
 
 def _told(recording: Recording, joint: str, column: int, unit: str, places: NDArray[np.intp]) -> str:
-    first = int(places[0])
-    before = recording.q[:first, column]
-    size = abs(float(recording.q[first, column] - before[np.isfinite(before)][-1]))
-    again = len(places) - 1
-    more = "" if not again else ", and once more" if again == 1 else f", and {again} more times"
-    return f"{joint} leaps by {size:.2g} {unit} from one sample to the next at {recording.t[first]:.2f} s{more}"
+    """Of several leaps the first of the largest."""
+    sizes = how_far(recording.q[:, column], places)
+    largest = int(np.argmax(sizes > _AS_FAR * np.max(sizes)))
+    by, at = f"by {sizes[largest]:.2g} {unit}", f"at {recording.t[places[largest]]:.2f} s"
+    if len(places) == 1:
+        return f"{joint} leaps {by} from one sample to the next {at}"
+    return f"{joint} leaps {len(places)} times from one sample to the next, farthest {by} {at}"

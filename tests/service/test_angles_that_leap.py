@@ -88,8 +88,8 @@ def test_what_lies_about_a_leap_is_left_out(
     own = recorded(0.0)
     own.q[sample, column] += size
     (mended,), (note,) = continuous([own], body)
-    assert note.startswith(f"run.csv: {own.joints[column]} leaps by {size:.2g} {unit}")
-    assert f"at {own.t[sample]:.2f} s, and once more" in note
+    assert note.startswith(f"run.csv: {own.joints[column]} leaps 2 times from one sample to the next")
+    assert f"farthest by {size:.2g} {unit} at {own.t[sample]:.2f} s" in note
     missing = np.isnan(mended.q).all(axis=1)
     assert missing[sample]
     assert 4 < missing.sum() < 20
@@ -101,5 +101,17 @@ def test_an_angle_that_leaps_all_the_time_is_refused_in_a_sentence(
 ) -> None:
     own = recorded(0.0)
     own.q[100::100, 0] += 0.4
-    with pytest.raises(InputError, match=r"run\.csv: axle leaps by 0\.4\d rad .* at 0\.50 s, and 57 more times"):
+    with pytest.raises(InputError, match=r"run\.csv: axle leaps 58 times .* by 0\.4 rad at 0\.50 s"):
         continuous([own], body)
+
+
+def test_leaps_are_told_by_the_farthest(body: RigidBody, recorded: Callable[[float], Recording]) -> None:
+    """A sample that repeats the one before it, on a way so far that this is a leap, is as far off as the joint went."""
+    own = recorded(0.0)
+    own.q[:, 1] *= 60.0
+    own.q[40, 1] = own.q[39, 1]
+    _, (note,) = continuous([own], body)
+    assert f"slide leaps 2 times from one sample to the next, farthest by 0.6 m at {own.t[40]:.2f} s" in note
+    own.q[700, 1] += 20.0
+    _, (note,) = continuous([own], body)
+    assert f"slide leaps 4 times from one sample to the next, farthest by 20 m at {own.t[700]:.2f} s" in note
