@@ -25,3 +25,11 @@ def test_rests_of_joints_that_rub_are_evidence_of_nothing(plan: Plan) -> None:
     between rests, was another arm's."""
     result = judged(plan, in_process)
     assert not result.wrong, result.sentence
+
+
+@pytest.mark.timeout(600)
+def test_a_line_of_which_no_period_is_seen_has_no_name() -> None:
+    """What a load that swings leaves of a torque is a ripple of order 1.0 ± 2.5."""
+    result = judged(Plan(14, 35420, "dda", ("sloshing_load",), 0.8, 0.0, 30.0, friction=5.0, rests=True), in_process)
+    assert not result.wrong, result.sentence
+    assert result.flagged, result.sentence
