@@ -38,24 +38,28 @@ def turns(angle: Array) -> Array:
 def leaps(t: Array, angle: Array) -> NDArray[np.intp]:
     """The first sample after each leap of an angle (samples,), rad or m, at times (samples,) s. Whole turns are leaps
     too; over a gap, where a recording is parted anyway, a joint may have moved."""
-    told = np.flatnonzero(np.isfinite(angle))
-    if len(told) < 2 * _AROUND:
+    if np.count_nonzero(np.isfinite(angle)) < 2 * _AROUND:
         return np.zeros(0, dtype=np.intp)
-    apart = np.diff(t[told])
-    steps = np.diff(angle[told]) * np.minimum(np.median(apart) / apart, 1.0)
-    beside = np.abs(steps - median_filter(steps, 2 * _TREND + 1, mode="reflect"))
+    told, beside = _beside(t, angle)
     width = 2 * _AROUND + 1
     usual = np.maximum(width * uniform_filter1d(beside, width, mode="reflect") - beside, 0.0) / (width - 1)
-    return np.asarray(told[1:][(beside > _LEAST) & (beside > _TIMES * usual)])
+    return np.asarray(told[(beside > _LEAST) & (beside > _TIMES * usual)])
 
 
-def how_far(angle: Array, places: NDArray[np.intp]) -> Array:
-    """(places,) of leaps of an angle (samples,), how far each is beside what the samples about it step: a sample that
-    repeats the one before it is as far off as the joint moved."""
+def how_far(t: Array, angle: Array, places: NDArray[np.intp]) -> Array:
+    """(places,) of an angle's `leaps`, how far each is beside what the samples about it step: a sample that repeats the
+    one before it is as far off as the joint moved."""
+    told, beside = _beside(t, angle)
+    return np.asarray(beside[np.searchsorted(told, places)])
+
+
+def _beside(t: Array, angle: Array) -> tuple[NDArray[np.intp], Array]:
+    """The samples of an angle after the first that is told, and how far the step to each differs from those about
+    it."""
     told = np.flatnonzero(np.isfinite(angle))
-    steps = np.diff(angle[told])
-    own = np.searchsorted(told, places) - 1
-    return np.array([abs(steps[k] - np.median(steps[max(k - _TREND, 0) : k + _TREND + 1])) for k in own])
+    apart = np.diff(t[told])
+    steps = np.diff(angle[told]) * np.minimum(np.median(apart) / apart, 1.0)
+    return told[1:], np.abs(steps - median_filter(steps, 2 * _TREND + 1, mode="reflect"))
 
 
 def about(t: Array, places: NDArray[np.intp]) -> NDArray[np.bool_]:

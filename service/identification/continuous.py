@@ -105,7 +105,7 @@ def _without_leaps(recording: Recording, body: RigidBody) -> list[str]:
 
 def _told(recording: Recording, joint: str, column: int, unit: str, places: NDArray[np.intp]) -> str:
     """Of several leaps the first of the largest."""
-    sizes = how_far(recording.q[:, column], places)
+    sizes = how_far(recording.t, recording.q[:, column], places)
     largest = int(np.argmax(sizes > _AS_FAR * np.max(sizes)))
     by, at = f"by {sizes[largest]:.2g} {unit}", f"at {recording.t[places[largest]]:.2f} s"
     if len(places) == 1:
