@@ -48,7 +48,12 @@ def main() -> int:
 
 def _alike(options: argparse.Namespace) -> dict[str, Any]:
     """What all plans have."""
-    return {"seconds": options.seconds, "friction": options.friction, "rests": options.rests}
+    return {
+        "seconds": options.seconds,
+        "friction": options.friction,
+        "rests": options.rests,
+        "drives_off_s": options.drives_off,
+    }
 
 
 def _experiments(options: argparse.Namespace) -> int:
@@ -85,13 +90,19 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--size", type=float, default=1.0, help="of --kind, in multiples of the noise (1)")
     parser.add_argument("--friction", type=float, default=0.0, help="of every joint beside the causes, likewise (0)")
     parser.add_argument("--rests", action="store_true", help="motions from point to point, with rests between")
+    parser.add_argument(
+        "--drives-off", type=float, default=0.0, metavar="S", help="record them at rest too, for so long (0)"
+    )
     parser.add_argument("--command", action="store_true", help="ask `etude diagnose` as a command, in its own process")
     parser.add_argument("--wire", action="store_true", help="play over the wire, by the daemon and the stand-in arm")
     parser.add_argument("--seconds", type=float, default=60.0, help="of motion to learn from (60)")
     parser.add_argument("--experiments", type=int, default=0, metavar="N", help="so many cases for designed motions")
     parser.add_argument("--keep", type=Path, help="keep sealed scenarios here, and take those that are there")
     parser.add_argument("--json", type=Path, help="write the figures here too")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.drives_off and (options.wire or options.experiments):
+        parser.error("--drives-off goes with neither --wire nor --experiments, where a session reads them itself")
+    return options
 
 
 def _print(figures: Sequence[CampaignFigure], judged: Sequence[Judgement]) -> None:

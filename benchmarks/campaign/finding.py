@@ -28,9 +28,12 @@ class Finder(Protocol):
 
 def in_process(question: Question) -> Mapping[str, Any]:
     """What `etude diagnose` does to find its answer, without its start-up, the twin's replay and the page."""
-    read = read_recordings(question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent, believed=True)
+    read = read_recordings(
+        question.learnt, question.held_out, str(question.urdf), {}, TOPIC, _silent,
+        believed=True, drives_off=question.drives_off,
+    )  # fmt: skip
     learning, judging = ([only_usable(read.body, t) for t in some] for some in (read.trajectories, read.hold_out))
-    found = diagnose(read.body, learning, judging)
+    found = diagnose(read.body, learning, judging, drives_off=read.drives_off)
     answer: Mapping[str, Any] = finite(as_json(found, read.notes))
     return answer
 
@@ -44,7 +47,8 @@ def by_command(question: Question) -> Mapping[str, Any]:
     with tempfile.TemporaryDirectory(prefix="etude-campaign-") as folder:
         answer = Path(folder) / "answer.json"
         hold_out = [word for path in question.held_out for word in ("--hold-out", str(path))]
-        command = [sys.executable, "-m", "service", "diagnose", *map(str, question.learnt), *hold_out]
+        drives_off = [word for path in question.drives_off for word in ("--drives-off", str(path))]
+        command = [sys.executable, "-m", "service", "diagnose", *map(str, question.learnt), *hold_out, *drives_off]
         command += ["--arm", str(question.urdf), "--json", str(answer)]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         if not answer.exists():

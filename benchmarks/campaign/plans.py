@@ -25,7 +25,8 @@ SCATTER = (0.0, 0.02, 0.05)
 @dataclass(frozen=True)
 class Plan:
     """What a scenario is to be. ``kinds`` are keys of `ALL`, ``size`` of each in multiples of the noise; ``friction``
-    of every joint beside them, likewise; ``rests``: the motions go from point to point, and rest in each."""
+    of every joint beside them, likewise; ``rests``: the motions go from point to point, and rest in each;
+    ``drives_off_s`` for which the torques are recorded with the drives off, too."""
 
     number: int
     seed: int
@@ -36,6 +37,7 @@ class Plan:
     seconds: float = 60.0
     friction: float = 0.0
     rests: bool = False
+    drives_off_s: float = 0.0
 
     @property
     def name(self) -> str:
@@ -43,7 +45,8 @@ class Plan:
         kinds = "+".join(self.kinds).replace(":", "-") or "clean"
         told = f"{self.seed}-{self.number:04d}-{self.arm}-{kinds}-{self.size:g}-{self.scatter:g}-{self.seconds:g}s"
         told += f"-friction-{self.friction:g}" if self.friction else ""
-        return f"{told}-rests" if self.rests else told
+        told += "-rests" if self.rests else ""
+        return f"{told}-off-{self.drives_off_s:g}s" if self.drives_off_s else told
 
 
 def draw_plans(count: int, seed: int, sizes: Sequence[float] = (0.2, 0.4, 0.8, 1.0, 2.0)) -> list[Plan]:

@@ -16,6 +16,8 @@ from virtual_hw.plant import build_plant
 Array = NDArray[np.float64]
 SETTLE_S = 1.0
 """Time before the first motion, for the loop to take the arm over from its brakes."""
+DRIVES_OFF = "drives-off"
+"""Name of the run that is no motion: torques at rest with the drives off."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def read_off(installation: Installation, hidden: HiddenMechanics, seconds: float
         dq[k] = [plant.velocity(i) for i in range(plant.n)]
         tau[k] = [plant.torque(i) for i in range(plant.n)]
     t = np.arange(count) / RATE_HZ
-    return Run("drives-off", t, q, dq, tau)
+    return Run(DRIVES_OFF, t, q, dq, tau)
 
 
 def as_recorded(run: Run, installation: Installation, rng: Generator, every: int, jitter_s: float) -> Run:

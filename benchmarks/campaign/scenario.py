@@ -18,7 +18,7 @@ from benchmarks.campaign.friction_causes import everywhere
 from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist, draw_programs
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
-from benchmarks.campaign.playing import Run, as_recorded, play
+from benchmarks.campaign.playing import Run, as_recorded, play, read_off
 from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_deviation, noise_in_band
 from config import Installation
 from estimator import load_rigid_body
@@ -160,7 +160,10 @@ def stage(plan: Plan, folder: Path) -> Staged:
     prepared = prepare(plan, folder / "arm.urdf")
     played = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
     rng = np.random.default_rng([prepared.seed, 1])
-    runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played]
+    off = [read_off(prepared.installation, prepared.hidden, plan.drives_off_s, prepared.seed + 1)] * bool(
+        plan.drives_off_s
+    )
+    runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played + off]
     below = noise_in_band(prepared.noise, prepared.seed)
     share = np.hypot(1.0, folded_rms(played, prepared.every) / below)
     truth = replace(

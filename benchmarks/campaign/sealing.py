@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.campaign.playing import Run
+from benchmarks.campaign.playing import DRIVES_OFF, Run
 from benchmarks.campaign.scenario import Staged, Truth
 
 QUESTION, ANSWER, HELD_OUT = "question", "answer", "held-out"
@@ -28,11 +28,15 @@ class Question:
 
     @property
     def learnt(self) -> tuple[Path, ...]:
-        return tuple(p for p in self._recordings() if not p.name.startswith(HELD_OUT))
+        return tuple(p for p in self._recordings() if not p.name.startswith((HELD_OUT, DRIVES_OFF)))
 
     @property
     def held_out(self) -> tuple[Path, ...]:
         return tuple(p for p in self._recordings() if p.name.startswith(HELD_OUT))
+
+    @property
+    def drives_off(self) -> tuple[Path, ...]:
+        return tuple(p for p in self._recordings() if p.name.startswith(DRIVES_OFF))
 
     def _recordings(self) -> list[Path]:
         return sorted(p for p in self.folder.iterdir() if p.suffix in (".csv", ".mcap"))
@@ -71,7 +75,7 @@ def seal(staged: Staged, joints: Sequence[str], tachometers: bool, folder: Path)
     """
     (folder / ANSWER).mkdir()
     for number, run in enumerate(staged.runs, 1):
-        kind = HELD_OUT if run.motion.startswith(HELD_OUT) else "run"
+        kind = next((kind for kind in (HELD_OUT, DRIVES_OFF) if run.motion.startswith(kind)), "run")
         write_run(run, joints, tachometers, folder / QUESTION / f"{kind}-{number:02d}.csv")
     envelope = Envelope.close(staged.truth, folder / ANSWER / "truth.json")
     return Question(folder / QUESTION), envelope

@@ -234,10 +234,12 @@ class Search:
         return self.scores.hypothesis(candidate).place.joint
 
     def pruned(self, chosen: list[int]) -> list[int]:
-        """Without causes that the others have made superfluous or impossible, the least supported first."""
+        """Without causes that the others have made superfluous or impossible, the least supported first, and without
+        what is left in the place of an offset that was read otherwise."""
         while wrong := self._beyond(chosen):
             chosen = self._possible(chosen, wrong[0])
-        return self._without_superfluous(chosen, least=0.0)
+        left = self._without_superfluous(chosen, least=0.0)
+        return [k for k in left if not self.admission.read_otherwise(k, [c for c in left if c != k])]
 
     def _without_superfluous(self, chosen: list[int], least: float) -> list[int]:
         """Without causes that the model hardly needs, by ``least`` nats of support, the least needed first."""
