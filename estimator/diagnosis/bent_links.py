@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.design import candidate_columns
+from estimator.diagnosis.design import Candidate, candidate_columns
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import sheets
 from estimator.diagnosis.refinement import Refined
@@ -66,13 +66,21 @@ def _bent(signals: Signals, change: Array) -> Signals:
 
 
 def _matters(evidence: Evidence, scores: Scores, chosen: list[int], candidate: int, pieces: Sequence[Stretch]) -> bool:
-    """Whether a cause may explain more with other links: the share of its columns' energy that they change, of what it
-    explains."""
+    """Whether a cause may explain more with other links."""
+    own = evidence.design.candidates[candidate]
+    return nats_changed(evidence, scores, chosen, candidate, own, pieces) > _WORTH
+
+
+def nats_changed(
+    evidence: Evidence, scores: Scores, chosen: list[int], candidate: int, other: Candidate, pieces: Sequence[Stretch]
+) -> float:
+    """Of what a cause explains, the share of its columns' energy that changes where they are those of the ``other``
+    along these pieces."""
     own = evidence.design.candidates[candidate]
     changed, whole = 0.0, 0.0
     for before, after in zip(evidence.pieces, pieces, strict=True):
         columns = candidate_columns(evidence.design, own, before.signals)
-        changed += float(np.sum((candidate_columns(evidence.design, own, after.signals) - columns) ** 2))
+        changed += float(np.sum((candidate_columns(evidence.design, other, after.signals) - columns) ** 2))
         whole += float(np.sum(columns**2))
     gain = scores.nats(chosen) - scores.nats([k for k in chosen if k != candidate])
-    return gain * changed > _WORTH * max(whole, np.finfo(float).tiny)
+    return gain * changed / max(whole, np.finfo(float).tiny)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,10 +93,10 @@ def refine(
         own = design.with_candidates(wanted)
         return own, total(sum_up(own, pieces, decimations, noise))
 
-    candidates = scanned(design, chosen, weights, pass_over)
+    candidates = _as_large(scanned(design, chosen, weights, pass_over), design, weights, pass_over)
     best: float = -np.inf
     step = np.zeros(0)
-    trial = late = candidates
+    trial = own_shaped = candidates
     for _ in range(_ITERATIONS):
         stepped = [*trial, *_neighbours(trial, spans)]
         wide, block = pass_over(stepped)
@@ -110,8 +110,8 @@ def refine(
         else:
             best, candidates = gain, trial
             step = _newton_step(wide, model, trial, spans)
-            late = _late(wide, _value(model), trial)
-        trial = _moved(candidates, late, step, spans)
+            own_shaped = _own_shaped(wide, _value(model), trial)
+        trial = _moved(candidates, own_shaped, step, spans)
         if not any(np.any(np.abs(a.theta - b.theta) > 1e-9) for a, b in zip(trial, candidates, strict=True)):
             break
     wide, block = pass_over([*candidates, *_neighbours(candidates, spans)])
@@ -123,6 +123,25 @@ def refine(
     return Refined(own, _value(model), covariance, model)
 
 
+def _as_large(
+    candidates: list[Candidate],
+    design: Design,
+    weights: Array,
+    pass_over: Callable[[Sequence[Candidate]], tuple[Design, Block]],
+) -> list[Candidate]:
+    """The candidates, with columns of coefficients as large as theirs, whether these explain more or not: what those of
+    small ones leave, another law may have mended."""
+    if not any(design.hypotheses[candidate.hypothesis].effect.about for candidate in candidates):
+        return candidates
+    own, block = pass_over(candidates)
+    value = _value(within_limits(Weighted(own, block, weights), own.candidates))
+    shaped = _own_shaped(own, value, candidates)
+    return [
+        new if design.hypotheses[new.hypothesis].effect.about else old
+        for new, old in zip(shaped, candidates, strict=True)
+    ]
+
+
 def _value(model: Conditional) -> Array:
     """(size of the design,) what the model has of each unknown: of those that it has not, nothing."""
     value = np.zeros(model.design.size)
@@ -131,13 +150,15 @@ def _value(model: Conditional) -> Array:
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:
-    """Least and largest theta of a candidate's grid; what is a choice, or a delay, has no span."""
+    """Least and largest theta of a candidate's grid; what is a choice, a delay, or a coefficient has no span."""
     own = design.candidates[candidate]
     hypothesis = design.hypotheses[own.hypothesis]
     choices = [0] if hypothesis.effect.timed(hypothesis.place) else list(hypothesis.effect.choices)
     same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
     grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
     low, high = grid.min(axis=0), grid.max(axis=0)
+    about = list(hypothesis.effect.about)
+    low[about] = high[about] = own.theta[about]
     beyond = (_BEYOND if hypothesis.effect.sought else 0.0) * (high - low)
     return np.minimum(low, own.theta - beyond), np.maximum(high, own.theta + beyond)
 
@@ -201,31 +222,32 @@ def _newton_step(
 
 
 def _moved(
-    candidates: Sequence[Candidate], late: Sequence[Candidate], step: Array, spans: Sequence[tuple[Array, Array]]
+    candidates: Sequence[Candidate], own_shaped: Sequence[Candidate], step: Array, spans: Sequence[tuple[Array, Array]]
 ) -> list[Candidate]:
-    """The candidates a step on; those whose theta has no span as ``late`` has them."""
+    """The candidates a step on; what of their theta has no span is as ``own_shaped`` has it."""
     result, place = [], 0
-    for candidate, delayed, (low, high) in zip(candidates, late, spans, strict=True):
+    for candidate, shaped, (low, high) in zip(candidates, own_shaped, spans, strict=True):
         count = len(candidate.theta)
         theta = np.clip(candidate.theta + step[place : place + count], low, high)
-        result.append(replace(candidate, theta=np.where(high > low, theta, delayed.theta)))
+        result.append(replace(candidate, theta=np.where(high > low, theta, shaped.theta)))
         place += count
     return result
 
 
-def _late(design: Design, value: Array, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates, of which those of a delay have the shape of what is late in all: the delay, and what the given
-    model allows their channels' timings (a delay of a wrong shape is divided between the two)."""
+def _own_shaped(design: Design, value: Array, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, shaped for the coefficients that they have; those of a delay have the shape of what is late in
+    all: the delay, and what the given model allows their channels' timings (a delay of a wrong shape is divided between
+    the two)."""
     result = []
     for number, candidate in enumerate(candidates):
         hypothesis = design.hypotheses[candidate.hypothesis]
         sign = hypothesis.effect.timed(hypothesis.place)
+        own = value[design.candidates[number].columns]
+        theta = hypothesis.effect.exact_at(candidate.theta, own)
         if sign:
-            (own,) = value[design.candidates[number].columns]
             timings = value[design.base.rank + np.array(candidate.channels)]
-            delay = float(np.clip(own + sign * timings.mean(), _LEAST_DELAY, _LONGEST_DELAY))
-            candidate = replace(candidate, theta=np.array([delay]))
-        result.append(candidate)
+            theta = np.clip(own + sign * timings.mean(), _LEAST_DELAY, _LONGEST_DELAY)
+        result.append(replace(candidate, theta=theta))
     return result
 
 

@@ -65,7 +65,7 @@ def _steps(design: Design, candidate: int) -> Array:
     effect, place = design.hypotheses[own.hypothesis].effect, design.hypotheses[own.hypothesis].place
     if effect.dry or effect.timed(place):
         return np.zeros((2, len(own.theta)))
-    stays = {*effect.hidden, *effect.choices}
+    stays = {*effect.hidden, *effect.choices, *effect.about}
     grid = np.array([c.theta for c in design.candidates if c.hypothesis == own.hypothesis])
     same = grid[np.all(grid[:, list(effect.choices)] == own.theta[list(effect.choices)], axis=1)]
     result = np.zeros((2, len(own.theta)))

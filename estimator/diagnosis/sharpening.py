@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.accuracy import Searched
 from estimator.diagnosis.admission import Admission
+from estimator.diagnosis.bent_links import nats_changed
 from estimator.diagnosis.between_shapes import between_shapes
 from estimator.diagnosis.design import Design
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.grams import Block, Sheet, sheets
 from estimator.diagnosis.refinement import Refined, fitted
+from estimator.diagnosis.scores import Scores
 from estimator.diagnosis.slow_forms import look_alikes
 
 Array = NDArray[np.float64]
@@ -41,6 +43,7 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
             # What was chosen has the shapes that it has as chosen, and not those beside another law.
             new = trial if shaped is refined else set(trial) - set(chosen)
             shapes |= {k: own.theta for k, own in zip(trial, shaped.design.candidates, strict=True) if k in new}
+    shapes |= _as_large(evidence, scores, list(chosen), refined)
     shapes |= between_shapes(evidence, scores, chosen, refined)
     for k in chosen:
         for other, theta in _of_the_same_shape(evidence.design, k, shapes[k]) if k in shapes else ():
@@ -52,6 +55,19 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
         candidates[k] = replace(candidates[k], theta=theta)
     design = replace(evidence.design, candidates=tuple(candidates))
     return replace(evidence, design=design, blocks=tuple(_blocks(evidence, design, sorted(shapes))))
+
+
+def _as_large(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> dict[int, Array]:
+    """By candidate the shapes of those of the chosen that are not linear in their coefficients, and so large that it
+    shows, whether they explain more for it or not: the others that were chosen may have mended them."""
+    shapes = {}
+    for k, fitted_one in zip(chosen, refined.design.candidates, strict=True):
+        own, about = evidence.design.candidates[k], list(scores.hypothesis(k).effect.about)
+        theta = own.theta.copy()
+        theta[about] = fitted_one.theta[about]
+        if about and nats_changed(evidence, scores, chosen, k, replace(own, theta=theta), evidence.pieces) > WORTH:
+            shapes[k] = fitted_one.theta
+    return shapes
 
 
 def _of_the_same_shape(design: Design, candidate: int, theta: Array) -> Iterator[tuple[int, Array]]:

@@ -84,6 +84,9 @@ class Law(ABC):
     fitted effect keeps them beside its parameters as its shape."""
     choices: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are one of the grid's values and nothing between."""
+    about: ClassVar[tuple[int, ...]] = ()
+    """Which entries of theta are its first coefficients once more: it is not linear in them, and its columns times them
+    are right for those that theta has. Of the grid they are zero, where columns are those of small ones."""
     forms: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are told, and yet no freedom that could stand for another cause: an exponent."""
     known_up_to: ClassVar[tuple[float, ...]] = ()
@@ -128,6 +131,12 @@ class Law(ABC):
     def redundant(self, theta: Array) -> int:
         """How many numbers of its parameters the others tell."""
         return 0
+
+    def exact_at(self, theta: Array, coefficients: Array) -> Array:
+        """theta with which its columns hold for these coefficients, as large as they are (`about`)."""
+        exact = theta.copy()
+        exact[list(self.about)] = coefficients[: len(self.about)]
+        return exact
 
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its

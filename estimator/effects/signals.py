@@ -155,6 +155,14 @@ class Signals:
             + by_ddq[:, :, joint] * acceleration[:, None]
         )
 
+    def by_large_angle_error(self, joint: int, error: Array) -> Array:
+        """(samples, n) the same of an ``error`` of any size, of which `by_angle_error` is the first order."""
+        true = [self.q.copy(), self.dq.copy(), self.ddq.copy()]
+        speed = self.slope(error)
+        for channel, own in zip(true, (error, speed, self.slope(speed)), strict=True):
+            channel[:, joint] += own
+        return inverse_dynamics(self.body, self.body.prior(), *true) - self.tau_rigid
+
 
 @dataclass(frozen=True)
 class Scales:

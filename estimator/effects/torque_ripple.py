@@ -17,27 +17,36 @@ from estimator.twin.plant import PlantDraft
 Array = NDArray[np.float64]
 
 
+_MOST = 0.9
+"""Of a torque, what ripple takes of it at the most."""
+
+
 class TorqueRipple(JointEffect):
-    """theta is the order k; tau is taken from the given model."""
+    """theta is the order k, then the two coefficients. The torque that a joint needs is the given model's, tau less the
+    ripple: tau is that divided by 1 − a·sin(k·q + φ)."""
 
     name = "torque_ripple"
     in_drive = True
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
+    about = (1, 2)
     recurs = True
     beyond_known = "a function of the torque and the angle, of which no period is seen"
     confused_with = ("cogging",)
     experiment = "sweep {joint} slowly through its range, under two loads"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        return orders(scales, self.joint(place))[:, None]
+        k = orders(scales, self.joint(place))
+        return np.stack([k, np.zeros(len(k)), np.zeros(len(k))], axis=1)
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return next(self.columns_of_each(place, signals, [theta]))
 
     def columns_of_each(self, place: Place, signals: Signals, thetas: Sequence[Array]) -> Iterator[Array]:
         joint = self.joint(place)
-        for waves in each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint]):
-            yield (signals.tau_rigid[:, [joint]] * waves)[:, None, :]
+        each = each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint])
+        for theta, waves in zip(thetas, each, strict=True):
+            left = 1.0 - np.minimum(waves @ theta[1:], _MOST) if theta[1:].any() else 1.0
+            yield ((signals.tau_rigid[:, joint] / left)[:, None] * waves)[:, None, :]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         """A motor whose torque turned its sign over within a turn would not drive the joint."""
@@ -49,7 +58,8 @@ class TorqueRipple(JointEffect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         order, amplitude, phase = (float(parameters[name]) for name in self.units)
-        return np.array([order]), coefficients_of(amplitude, phase)
+        coefficients = coefficients_of(amplitude, phase)
+        return np.array([order, *coefficients]), coefficients
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         order, amplitude, phase = (float(parameters[name]) for name in self.units)
