@@ -121,7 +121,7 @@ def _tightened(
 
 def other_errors(evidence: Evidence) -> tuple[Exchange, ...]:
     """Torques beside angles with other errors than theirs, by each way that there is."""
-    slow = with_slow_motion(evidence.slow, evidence.grid, evidence.noise)
+    slow = with_slow_motion(evidence.slow, evidence.pieces, evidence.grid, evidence.noise)
     if not evidence.noise.playings:
         return (slow,)
     return exchange(evidence.pieces, evidence.repeats, evidence.grid, evidence.noise), slow

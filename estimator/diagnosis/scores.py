@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 _RIDGE = 1e-9
 """Of a column's energy: columns that tell the same share it."""
+_OF_ITSELF = 0.5
+"""Of what a candidate explains, what must be there of itself with angles that have other errors for these to tell."""
 _LEAST_EXCHANGED = 0.1
 """Of what a candidate explains, how much must lie where motions recur for them to tell."""
 _ROUGHLY = 0.5
@@ -225,7 +227,8 @@ class Scores:
 
     def recurring(self, candidate: int, others: Sequence[int]) -> float:
         """How much of what a candidate explains beside others is there still when torques are put beside angles that
-        have other errors (`exchange`), by the way that leaves least: one is all of it. One too where none tells."""
+        have other errors (`exchange`), of what is there of itself, by the way that leaves least: one is all of it. One
+        too where none tells."""
         key = (candidate, frozenset(others))
         if key not in self._recurring:
             self._recurring[key] = min(self._shares_exchanged(candidate, others), default=1.0)
@@ -250,7 +253,15 @@ class Scores:
             there, told, _ = Conditional(Weighted(part, block, self.weights), rest).left_of(columns)
             whole = float(value @ there @ value)
             least = _LEAST_EXCHANGED * float(value @ matrix @ value)
-            yield float(value @ told) / whole if whole > least else exchange.untold
+            if whole <= least:
+                yield exchange.untold
+                continue
+            share = float(value @ told) / whole
+            if exchange.of_a_part and share < 1.0:
+                itself = exchange.within(part, part.candidates[chosen.index(candidate)], value)
+                _, told, _ = Conditional(Weighted(part, itself, self.weights), rest).left_of(columns)
+                share /= float(np.clip(value @ told / whole, _OF_ITSELF, 1.0))
+            yield share
 
     def hypothesis(self, candidate: int) -> Hypothesis:
         """What a candidate is a form of."""
