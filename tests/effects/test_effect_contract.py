@@ -151,6 +151,21 @@ def test_parameters_are_those_of_the_catalogue_and_come_back(name: str, signals:
 
 
 @everyone
+def test_what_is_not_linear_in_its_size_is_small_in_the_grid_and_its_own_size_fitted(
+    name: str, signals: Signals, scales: Scales
+) -> None:
+    found = effect(name)
+    place = a_place(found, signals.body)
+    about, theta = list(found.about), found.grid(place, scales)[0]
+    coefficients = possible(found, place, scales, theta, found.columns(place, signals, theta).shape[2])
+    assert not found.grid(place, scales)[:, about].any()
+    exact = found.exact_at(theta, coefficients)
+    np.testing.assert_array_equal(exact[about], coefficients[: len(about)])
+    own, back = found.unknowns(place, found.parameters(place, exact, coefficients))
+    np.testing.assert_allclose(own[about], back[: len(about)])
+
+
+@everyone
 def test_torque_is_what_the_columns_say(name: str, signals: Signals, scales: Scales) -> None:
     found = effect(name)
     place = a_place(found, signals.body)

@@ -144,6 +144,22 @@ def test_a_map_of_places_that_no_motion_comes_to_is_judged(body: RigidBody, make
     assert np.isfinite([scores.recurring(int(k), []) for k in np.flatnonzero(scores.is_map[scores.owner])]).all()
 
 
+def test_what_acts_in_moments_is_elsewhere_in_the_slow_motion(body: RigidBody, make_periodic: Periodic) -> None:
+    """As a gap that is crossed where a torque changes its sign; a smooth law has all of itself there."""
+    evidence = gather(body, served(body, make_periodic, nothing), 0.05)
+    (_, slow), design, there = other_errors(evidence), evidence.design, {}
+    for name in ("backlash", "viscous_friction"):
+        own = design.with_candidates([design.candidates[best_of(scores_of(evidence), name, 1)]])
+        (part,) = own.candidates
+        among, within = slow.among(own), slow.within(own, part, np.ones(1))
+        places = [(channel, own.position[channel, part.columns[0]]) for channel in part.channels]
+        energy = [float(among.grams[channel][k, k]) for channel, k in places]
+        assert energy == [float(within.grams[channel][k, k]) for channel, k in places]
+        there[name] = sum(float(within.grams[channel][k, -1]) for channel, k in places) / sum(energy)
+    assert there["backlash"] < 0.98
+    assert there["viscous_friction"] == pytest.approx(1.0, abs=0.01)
+
+
 def test_what_changes_with_time_goes_with_the_torques(body: RigidBody, make_periodic: Periodic) -> None:
     """One recording in which the motion is played six times while friction falls."""
     random = np.random.default_rng(1)

@@ -105,13 +105,16 @@ def test_it_is_no_cause_either_where_each_motion_was_played_once() -> None:
         Plan(5, 32701, "seven", ("transmission_coupling:rotor",), 1.0, 0.02, 24.0),
         Plan(23, 35554, "puma600", ("torque_nonlinearity",), 2.0, 0.0, 60.0),
         Plan(21, 34601, "puma600", ("torque_constant_error",), 0.8, 0.0, 60.0),
+        Plan(11, 35590, "puma600", ("torque_ripple",), 2.0, 0.02, 60.0),
+        Plan(22, 35590, "seven", ("backlash",), 1.0, 0.0, 60.0),
     ],
     ids=lambda plan: f"{plan.kinds[0]} of {plan.size:g}",
 )
 def test_causes_of_geared_arms_are_named(plan: Plan) -> None:
     """A spring whose size its shape tells as well, lateness that a bent timing imitates, a law with an absent part, a
     wall that only some of the poses touch, a rotor that two joints of the wrist turn, a dead zone behind a servo that
-    chatters in it, a torque constant that is no ripple of hardly a turn."""
+    chatters in it, a torque constant that is no ripple of hardly a turn, a ripple of a quarter of the torque, a gap
+    that is crossed in moments."""
     result = judged(plan, in_process)
     assert result.right, result.sentence
 

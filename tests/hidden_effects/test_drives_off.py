@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.campaign.campaign import judged
+from benchmarks.campaign.finding import in_process
 from benchmarks.campaign.plans import Plan
 from benchmarks.campaign.scenario import prepare
 from benchmarks.campaign.sealing import HELD_OUT
@@ -14,6 +16,13 @@ from benchmarks.campaign.wire import brought_up, motion_file
 from service.daemon.client import DaemonClient
 
 pytestmark = pytest.mark.timeout(900)
+
+
+def test_a_recording_with_the_drives_off_refutes_what_stands_for_an_offset() -> None:
+    """A spring whose centre is 13 rad away, which had come in beside the offset itself."""
+    plan = Plan(16, 34601, "puma600", ("asymmetric_friction",), 1.0, 0.0, 60.0, drives_off_s=30.0)
+    result = judged(plan, in_process)
+    assert result.right, result.sentence
 
 
 def test_a_session_reads_the_drives_while_they_are_off_where_that_decides(tmp_path: Path) -> None:
