@@ -150,12 +150,14 @@ class Contest:
 
     def _against_typical(self, block: Block, rival: Rival) -> float | None:
         """nats by which data speak against a rival beside the finding, where it has the form of a plainer law that the
-        finding is, or contains, at the same place, and its usual form is known. None where it makes the torque of
-        another cause there as well: a joint that rubs more one way, as an offset makes it, may do so in any degree."""
+        finding is, or contains, at the same place, and its usual form is known. None where the finding is a
+        form of that law itself, or the rival makes the torque of another cause there as well: a joint that rubs more
+        one way, as an offset makes it, may do so in any degree."""
         finding, place = self.rivals[0], rival.hypothesis.place
         others = (self.design.hypotheses[c.hypothesis] for c in self.design.candidates[: self.others])
         made = any(h.place == place and h.effect.name in rival.hypothesis.effect.made_with for h in others)
-        if rival is finding or made or place != finding.hypothesis.place:
+        form = bool(finding.hypothesis.effect.typical)
+        if rival is finding or made or form or place != finding.hypothesis.place:
             return None
         own = self._best(finding).columns
         model = Conditional(Weighted(self.design, block, self.weights), np.concatenate([self.active, own]))
