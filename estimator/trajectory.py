@@ -29,7 +29,8 @@ class Trajectory:
     ``t`` (samples,) s, rising, jitter allowed; ``q`` rad; ``tau`` N·m measured at the joint; ``dq`` rad/s and ``ddq``
     rad/s² where they were measured, otherwise they are differentiated. ``q_desired`` is the commanded motion: free of
     measurement noise, it gives the instruments of the instrumental-variable estimate. ``unusable``: torques that say
-    nothing, of a sensor at the end of its range; that joint's equations leave them out.
+    nothing, of a sensor at the end of its range; that joint's equations leave them out. ``temperature`` °C of the
+    joints, NaN of those without.
 
     Raises InputError when shapes disagree, time does not rise, the angles can only be degrees, or a number is damaged.
     """
@@ -42,6 +43,7 @@ class Trajectory:
     q_desired: Array | None = None
     name: str = "trajectory"
     unusable: NDArray[np.bool_] | None = None
+    temperature: Array | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.q)
@@ -51,7 +53,7 @@ class Trajectory:
                 f"q has shape {shape} for {np.shape(self.t)} times",
                 "give samples × joints and one time each",
             )
-        for label in ("tau", "dq", "ddq", "q_desired", "unusable"):
+        for label in ("tau", "dq", "ddq", "q_desired", "unusable", "temperature"):
             value = getattr(self, label)
             if value is not None and np.shape(value) != shape:
                 raise InputError(self.name, f"{label} has shape {np.shape(value)}, q has {shape}", "align the channels")
@@ -135,4 +137,5 @@ def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
         q_desired=cut(trajectory.q_desired),
         name=trajectory.name,
         unusable=None if trajectory.unusable is None else trajectory.unusable[here],
+        temperature=cut(trajectory.temperature),
     )

@@ -2,7 +2,8 @@
 
 Where the joints have torque sensors, ``tau_…`` is theirs, and ``tau_motor_<joint>…`` may hold the torques of the motors
 by their currents, at the joints. Where joints have encoders on both sides of their gears, ``q_…`` is of those behind
-them, and ``q_motor_<joint>…`` may hold the angles of those joints' motors, at the joints.
+them, and ``q_motor_<joint>…`` may hold the angles of those joints' motors, at the joints. ``temperature_<joint>…`` may
+hold what joints were warm, °C.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ WRENCH_COLUMNS = ("fx", "fy", "fz", "nx", "ny", "nz")
 QUANTITIES = ("q", "dq", "tau")
 MOTOR = "tau_motor"
 MOTOR_ANGLE = "q_motor"
+TEMPERATURE = "temperature"
 _SHOWN = 40
 """Characters of a field that is no number: a damaged file may hold thousands."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -35,10 +37,9 @@ class _Header:
         wanted = [f"{quantity}_{joint}" for joint in self.joints]
         return [self.names.index(name) for name in wanted] if wanted[0] in self.names else None
 
-    @property
-    def motor_angles(self) -> dict[int, int]:
-        """By joint the column of its motor's angle."""
-        named = {k: f"{MOTOR_ANGLE}_{joint}" for k, joint in enumerate(self.joints)}
+    def some(self, quantity: str) -> dict[int, int]:
+        """By joint the column of a quantity that some joints have."""
+        named = {k: f"{quantity}_{joint}" for k, joint in enumerate(self.joints)}
         return {k: self.names.index(name) for k, name in named.items() if name in self.names}
 
     @property
@@ -48,7 +49,7 @@ class _Header:
 
 def read_csv(path: Path) -> Recording:
     """Read a CSV recording. ``dq_…``, ``tau_…``, ``tau_motor_…`` and the wrench may be absent, each as a whole,
-    ``q_motor_…`` of some joints or all.
+    ``q_motor_…`` and ``temperature_…`` of some joints or all.
 
     Raises InputError with line and column: wrong or missing columns, text, NaN, time that does not increase, gaps.
     """
@@ -79,16 +80,17 @@ def read_csv(path: Path) -> Recording:
         dq=part(header.columns("dq")),
         tau=part(header.columns("tau")),
         tau_motor=part(header.columns(MOTOR)),
-        q_motor=_motor_angles(table, header),
+        q_motor=_of_some(table, header, MOTOR_ANGLE),
+        temperature=_of_some(table, header, TEMPERATURE),
         wrench_t=None if wrench is None else np.ascontiguousarray(t),
         wrench=wrench,
         notes=tuple(notes),
     )
 
 
-def _motor_angles(table: Array, header: _Header) -> Array | None:
-    """(samples, joints) rad, NaN for a joint without."""
-    own = header.motor_angles
+def _of_some(table: Array, header: _Header, quantity: str) -> Array | None:
+    """(samples, joints) of a quantity, NaN for a joint without."""
+    own = header.some(quantity)
     if not own:
         return None
     result = np.full((len(table), len(header.joints)), np.nan)
@@ -112,7 +114,7 @@ def _header(path: Path, line: str) -> _Header:
     for number, name in enumerate(names, 1):
         if name in names[: number - 1]:
             raise InputError(f"{place}, column {number}", f"{name!r} is there twice", "remove one")
-        if number > 1 and name not in WRENCH_COLUMNS and not re.fullmatch(r"(q|dq|tau)_.+", name):
+        if number > 1 and name not in WRENCH_COLUMNS and not re.fullmatch(r"(q|dq|tau|temperature)_.+", name):
             raise InputError(f"{place}, column {number}", f"{name!r} is no column of a recording", expected)
     angles = [name for name in names if name.startswith("q_")]
     joints = tuple(name[2:] for name in angles if f"q_{name.removeprefix(MOTOR_ANGLE + '_')}" not in angles)
@@ -122,6 +124,8 @@ def _header(path: Path, line: str) -> _Header:
     for quantity, own in (("dq", set(names)), ("tau", set(names) - motors), (MOTOR, motors)):
         present = {name.removeprefix(f"{quantity}_") for name in own if name.startswith(f"{quantity}_")}
         _same_joints(place, quantity, joints, present)
+    warm = {name.removeprefix(f"{TEMPERATURE}_") for name in names if name.startswith(f"{TEMPERATURE}_")}
+    _same_joints(place, TEMPERATURE, tuple(joint for joint in joints if joint in warm), warm)
     missing = [name for name in WRENCH_COLUMNS if name not in names]
     if 0 < len(missing) < len(WRENCH_COLUMNS):
         raise InputError(place, f"the column {missing[0]!r} is missing", "give all six of the wrench, or none")
@@ -236,10 +240,11 @@ def write_csv(recording: Recording, path: Path) -> LeftOut:
             continue
         names += WRENCH_COLUMNS if quantity == "wrench" else [f"{quantity}_{joint}" for joint in recording.joints]
         columns.append(values)
-    if recording.q_motor is not None:
-        told = np.flatnonzero(np.isfinite(recording.q_motor).any(axis=0))
-        names += [f"{MOTOR_ANGLE}_{recording.joints[k]}" for k in told]
-        columns.append(recording.q_motor[:, told])
+    for quantity, of_some in ((MOTOR_ANGLE, recording.q_motor), (TEMPERATURE, recording.temperature)):
+        if of_some is not None:
+            told = np.flatnonzero(np.isfinite(of_some).any(axis=0))
+            names += [f"{quantity}_{recording.joints[k]}" for k in told]
+            columns.append(of_some[:, told])
     table = np.hstack(columns)
     whole = np.isfinite(table).all(axis=1)
     try:

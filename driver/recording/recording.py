@@ -71,6 +71,8 @@ class Recording:
     """N·m at the joint by the motor's current, where ``tau`` is that of a sensor behind the gear."""
     q_motor: Array | None = None
     """rad at the joint by the motor's encoder, where ``q`` is that of one behind the gear; NaN of joints without."""
+    temperature: Array | None = None
+    """°C of each joint's motor or gear; NaN of joints without."""
 
     @property
     def period(self) -> float:

@@ -66,8 +66,8 @@ def misfits(scores: Scores, chosen: list[int]) -> dict[int, Misfit]:
 def _forms_of(scores: Scores, maps: list[int], chosen: list[int]) -> set[int]:
     """The maps against which the laws that were chosen show their form. They are asked as a family of their own: a
     known law of another form is what a residual there is first of all."""
-    laws = [scores.hypothesis(k) for k in chosen]
-    seen = {(law.place, law.effect.seen_against) for law in laws if law.effect.seen_against != "law"}
+    laws = [(scores.hypothesis(k), scores.design.candidates[k].theta) for k in chosen]
+    seen = {(law.place, against) for law, theta in laws if (against := law.effect.seen_at(theta)) != "law"}
     return {k for k in maps if ((own := scores.hypothesis(k)).place, own.effect.seen_against) in seen}
 
 

@@ -20,7 +20,15 @@ from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
-SEEN: Mapping[str, SeenAgainst] = {"angle": "q", "speed": "dq", "acceleration": "ddq", "torque": "tau", "time": "t"}
+SEEN: Mapping[str, SeenAgainst] = {
+    "angle": "q",
+    "speed": "dq",
+    "acceleration": "ddq",
+    "torque": "tau",
+    "time": "t",
+    "temperature": "temperature",
+    "friction along the temperature": "temperature",
+}
 _KNOTS = 8
 MEMORY = "travel since reversals"
 _REACH = 2.5
@@ -46,6 +54,10 @@ class Map(Law):
         pairs = [(joint, joint + step) for joint in range(body.n) for step in (-1, 1)]
         return [Place(joint, other=other) for joint, other in pairs if 0 <= other < body.n]
 
+    def there(self, place: Place, scales: Scales) -> bool:
+        """Whether its quantity was recorded there, and changes."""
+        return "temperature" not in self.quantity or scales.warms(self.source(place))
+
     @staticmethod
     def source(place: Place) -> int:
         """The joint whose quantity it is."""
@@ -61,6 +73,8 @@ class Map(Law):
         if self.quantity == MEMORY:
             reach = max(float(scales.q_high[joint] - scales.q_low[joint]), _LEAST_REACH)
             return np.asarray(reach * 0.5 ** np.arange(_KNOTS, 0, -1))[None]
+        if "temperature" in self.quantity:
+            return np.linspace(scales.cold[joint], scales.warm[joint], _KNOTS)[None]
         if self.quantity in ("angle", "friction along the angle"):
             return np.linspace(scales.q_low[joint], scales.q_high[joint], _KNOTS)[None]
         rms = {"speed": scales.dq, "acceleration": scales.ddq, "torque": scales.tau}[self.quantity][joint]
@@ -70,22 +84,23 @@ class Map(Law):
         joint = self.source(place)
         if self.quantity == MEMORY:
             return stops(signals.q[:, joint], theta)[:, None, :]
-        channel = {
-            "time": signals.t,
-            "angle": signals.q[:, joint],
-            "friction along the angle": signals.q[:, joint],
-            "speed": signals.dq[:, joint],
-            "acceleration": signals.ddq[:, joint],
-            "torque": signals.tau_rigid[:, joint],
-        }[self.quantity]
+        channel = self._channel(signals, joint)
         result = hats(channel, theta)
-        if self.quantity == "friction along the angle":
+        if self.quantity.startswith("friction along"):
             spread = np.sqrt(np.mean(signals.dq[:, joint] ** 2))
             result *= signals.direction(joint, max(0.02 * float(spread), 1e-9))[:, None]
         if self.quantity == "speed":
             # A jump at rest, as all dry friction has.
             result = np.column_stack([result, np.sign(channel)])
         return result[:, None, :]
+
+    def _channel(self, signals: Signals, joint: int) -> Array:
+        """(samples,) the quantity; of a motion that is only planned, a temperature of nothing."""
+        against = SEEN.get(self.quantity, "q")
+        if against == "t":
+            return signals.t
+        whole = signals.tau_rigid if against == "tau" else getattr(signals, against)
+        return np.zeros(signals.samples) if whole is None else np.asarray(whole[:, joint])
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         return {}
@@ -125,7 +140,8 @@ def stops(q: Array, widths: Array) -> Array:
 
 
 MAPS = (
-    *(Map(quantity) for quantity in ("angle", "speed", "acceleration", "torque", "time", "friction along the angle")),
+    *(Map(quantity) for quantity in SEEN),
+    Map("friction along the angle"),
     Map(MEMORY),
     *(Map(quantity, of_neighbour=True) for quantity in ("angle", "speed")),
 )

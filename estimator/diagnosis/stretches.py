@@ -145,6 +145,7 @@ def _stretch(
     still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
     # Without the measured torque: in a column its noise is the residual's, and would be taken for evidence.
     signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), dq_measured=speed)
+    signals = replace(signals, temperature=_warm(trajectory, times))
     # The same motion with its rounding errors twice: what they add.
     smooth = motion.q
     error = np.pad(rounding(smooth, grid.count, np.random.default_rng(0)), ((plan.edge, plan.edge), (0, 0)), "reflect")
@@ -162,6 +163,18 @@ def _stretch(
     size = np.array([np.mean((tau if c.equation == "torque" else dq)[:, c.index] ** 2) for c in grid.channels])
     sure = _sure(still[2], ddq, int(_UNSURE * plan.rate / plan.stride / grid.motion))
     return Stretch(recording, signals.part(sure, times[sure]), residual[sure], rounded[sure], size)
+
+
+def _warm(trajectory: Trajectory, times: Array) -> Array | None:
+    """(samples, n) °C of the joints at these times, straight between what was recorded; NaN of those without."""
+    if trajectory.temperature is None:
+        return None
+    result = np.full((len(times), trajectory.temperature.shape[1]), np.nan)
+    for joint, own in enumerate(trajectory.temperature.T):
+        told = np.isfinite(own)
+        if told.any():
+            result[:, joint] = np.interp(times, trajectory.t[told], own[told])
+    return result
 
 
 def _sure(calm: Array, ddq: Array, most: int) -> slice:

@@ -23,8 +23,15 @@ _CURVE = 6000
 """Points of a law's curve that are kept."""
 _EDGE = 12
 """Rows at either end of a stretch whose decimation reaches beyond the data."""
-_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "tau": "N·m", "t": "s"}
-_WORDS = {"q": "angle", "dq": "speed", "ddq": "acceleration", "tau": "torque", "t": "time"}
+_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "tau": "N·m", "t": "s", "temperature": "°C"}
+_WORDS = {
+    "q": "angle",
+    "dq": "speed",
+    "ddq": "acceleration",
+    "tau": "torque",
+    "t": "time",
+    "temperature": "temperature",
+}
 _SLIDING = {"angle": "position", "torque": "force"}
 """What a sliding joint has instead."""
 
@@ -179,7 +186,7 @@ def _signature(refined: Refined, number: int, rows: Sequence[_Rows], noise: Arra
     body = refined.design.body
     said = _said(body, where.equation, where.index, names)
     unit = unit_of_channel(body, where)
-    against = hypothesis.effect.seen_against
+    against = hypothesis.effect.seen_at(candidate.theta)
     joint = hypothesis.place.joint
     if against == "law" or (joint is None and against != "t"):
         return Signature("what the finding predicts", unit, said, unit, law, measured, law, law, law)

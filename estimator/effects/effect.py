@@ -33,7 +33,7 @@ from estimator.twin.plant import PlantDraft
 Array = NDArray[np.float64]
 
 Equation = Literal["torque", "velocity", "wrench", "deflection"]
-SeenAgainst = Literal["q", "dq", "ddq", "tau", "t", "law"]
+SeenAgainst = Literal["q", "dq", "ddq", "tau", "t", "temperature", "law"]
 Parameters = Mapping[str, float | Array]
 """The catalogue's parameters by name: numbers, and vectors (a centre, a matrix row after row)."""
 NO_THETA = np.zeros((1, 0))
@@ -115,6 +115,10 @@ class Law(ABC):
     shapes between those of the grid are tried too (`around`)."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
+
+    def seen_at(self, theta: Array) -> SeenAgainst:
+        """`seen_against`, of one with these."""
+        return self.seen_against
 
     def known(self, theta: Array) -> bool:
         """Whether there are things of its name with these."""

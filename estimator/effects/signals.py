@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _AT_REST = 1e-6
 """rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
+_LEAST_WARMING = 2.0
+"""°C over which a joint must have been, for its temperature to tell anything."""
 _THIN = 8
 """Samples of a motion for each of which one place is kept."""
 
@@ -47,7 +49,7 @@ class Signals:
     dq_measured: Array | None = None
     """rad/s of a velocity sensor of its own; ``dq`` is always the slope of the angles."""
     temperature: Array | None = None
-    """°C"""
+    """°C, NaN of joints whose temperature is not known"""
     wrench: Array | None = None
     """(samples, 6) N and N·m in the sensor's frame."""
     load_wrench: Array | None = None
@@ -185,6 +187,13 @@ class Scales:
     """Hz up to which torques are compared"""
     tip: Array
     """(places, 3) m that the origin of the last link's frame comes to"""
+    cold: Array
+    warm: Array
+    """(n,) °C; NaN of joints whose temperature some stretch does not tell"""
+
+    def warms(self, joint: int) -> bool:
+        """Whether the joint's temperature is known, and changes."""
+        return bool(self.warm[joint] - self.cold[joint] > _LEAST_WARMING)
 
     @classmethod
     def of(cls, pieces: Sequence[Signals], band: float) -> Scales:
@@ -195,6 +204,9 @@ class Scales:
             return np.asarray(np.sqrt(np.mean(stacked**2, axis=0)))
 
         q = np.concatenate([piece.q for piece in pieces])
+        temperature = np.concatenate(
+            [np.full_like(p.q, np.nan) if p.temperature is None else p.temperature for p in pieces]
+        )
         return cls(
             q_low=q.min(axis=0),
             q_high=q.max(axis=0),
@@ -204,6 +216,8 @@ class Scales:
             duration=max(float(piece.t[-1]) for piece in pieces),
             band=band,
             tip=np.concatenate([piece.tip[::_THIN] for piece in pieces]),
+            cold=temperature.min(axis=0),
+            warm=temperature.max(axis=0),
         )
 
 

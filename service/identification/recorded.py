@@ -56,6 +56,7 @@ def trajectory_of(recording: Recording, body: RigidBody, name: str) -> Trajector
         dq=None if recording.dq is None else recording.dq[:, columns],
         q_desired=None if recording.q_d is None else recording.q_d[:, columns],
         name=name,
+        temperature=None if recording.temperature is None else recording.temperature[:, columns],
     )
 
 

@@ -45,13 +45,16 @@ def arm() -> RigidBody:
 
 @pytest.fixture(scope="session")
 def signals_of(arm: RigidBody) -> Callable[..., Signals]:
-    """Signals of any motion, with a measured torque, a velocity sensor and a wrist sensor that read the truth."""
+    """Signals of any motion of joints that warm, with a measured torque, a velocity sensor and a wrist sensor that read
+    the truth."""
 
     def make(motion: Motion) -> Signals:
         t, q, dq, ddq = motion
         tau = inverse_dynamics(arm, arm.prior(), q, dq, ddq)
         wrench = 5.0 * np.column_stack([np.sin(3.0 * t + k) for k in range(6)])
-        return Signals(arm, t, q, dq, ddq, tau, tau=tau, dq_measured=dq, wrench=wrench, load_wrench=wrench)
+        warming = np.repeat(20.0 + 2.0 * t[:, None], arm.n, axis=1)
+        sensed = {"tau": tau, "dq_measured": dq, "temperature": warming, "wrench": wrench, "load_wrench": wrench}
+        return Signals(arm, t, q, dq, ddq, tau, **sensed)
 
     return make
 

@@ -23,7 +23,7 @@ PARAMETERS_OF = {
     "stribeck_friction": {"level", "breakaway", "velocity", "coefficient", "exponent"},
     "load_dependent_friction": {"coefficient"},
     "presliding": {"stiffness", "level"},
-    "friction_drift": {"initial", "final", "time_constant"},
+    "friction_drift": {"initial", "final", "time_constant", "initial_temperature", "final_temperature"},
     "rotor_inertia": {"inertia"},
     "joint_spring": {"stiffness", "centre", "bend", "straight"},
     "joint_elasticity": {"stiffness", "damping"},
@@ -49,7 +49,7 @@ PARAMETERS_OF = {
     "wrench_resonance": {"frequency", "damping"},
     "nonrigid_load": set[str](),
 }
-SYMBOL = r"(N|m|kg|rad|s|Hz|turn|K)[²³]?"
+SYMBOL = r"(N|m|kg|rad|s|Hz|turn|K|°C)[²³]?"
 PRODUCT = rf"(1|{SYMBOL}(·{SYMBOL})*)(/{SYMBOL})*"
 UNIT = re.compile(rf"–|{PRODUCT}(, {PRODUCT})?")
 
