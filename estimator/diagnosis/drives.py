@@ -30,6 +30,7 @@ from estimator.diagnosis.stretches import (
     calm_motion,
     gapless,
     make_grid,
+    temperatures_at,
     told_by,
 )
 from estimator.diagnosis.tolerance import timing_precision
@@ -83,9 +84,10 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
     laws = [law for law in catalogue().values() if law.in_drive]
-    hypotheses = [Hypothesis(law, place) for law in (*laws, *MAPS) for place in law.places(body)]
-    hypotheses.append(Hypothesis(catalogue()["transport_delay"], Place(channel="torque")))
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
+    hypotheses = [Hypothesis(law, place) for law in laws for place in law.places(body)]
+    hypotheses += [Hypothesis(drawn, place) for drawn in MAPS for place in drawn.told_of(body, scales)]
+    hypotheses.append(Hypothesis(catalogue()["transport_delay"], Place(channel="torque")))
     return linkless_design(body, grid.channels, hypotheses, scales, timing_precision(grid.channels, rate))
 
 
@@ -111,7 +113,8 @@ def _stretches(body: RigidBody, grid: Grid, recording: int, motor: Trajectory, s
         through = calm_motion(grid, plan, felt).q[thin]
         residual = convolve(driven - felt, plan.smooth)[thin][:, chosen]
         times = t[0] + (plan.edge + plan.stride * np.arange(len(residual))) / plan.rate
-        signals = Signals(body, times, calm.q[thin], calm.dq[thin], calm.ddq[thin], through)
+        motion = calm.q[thin], calm.dq[thin], calm.ddq[thin]
+        signals = Signals(body, times, *motion, through, temperature=temperatures_at(motor, times))
         power = np.mean(convolve(driven, plan.smooth)[:, chosen] ** 2, axis=0)
         result.append(Stretch(recording, signals, residual, np.zeros_like(residual), power))
     return result

@@ -92,7 +92,7 @@ def gather(
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     # Torques are the first channels, one a joint.
     scales = replace(scales, tau=np.sqrt(mean_power(pieces)[: body.n]))
-    hypotheses += [Hypothesis(one, place) for one in MAPS for place in one.places(body) if one.there(place, scales)]
+    hypotheses += [Hypothesis(drawn, place) for drawn in MAPS for place in drawn.told_of(body, scales)]
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)
     design = replace(make_design(body, base, grid.channels, hypotheses, scales, precision), reading=reading)

@@ -54,9 +54,10 @@ class Map(Law):
         pairs = [(joint, joint + step) for joint in range(body.n) for step in (-1, 1)]
         return [Place(joint, other=other) for joint, other in pairs if 0 <= other < body.n]
 
-    def there(self, place: Place, scales: Scales) -> bool:
-        """Whether its quantity was recorded there, and changes."""
-        return "temperature" not in self.quantity or scales.warms(self.source(place))
+    def told_of(self, body: RigidBody, scales: Scales) -> list[Place]:
+        """`places` where its quantity was recorded, and changes."""
+        known = "temperature" not in self.quantity
+        return [place for place in self.places(body) if known or scales.warms(self.source(place))]
 
     @staticmethod
     def source(place: Place) -> int:

@@ -144,8 +144,8 @@ def _stretch(
     calm = calm_motion(grid, plan, measured)
     still = calm.q[thin], calm.dq[thin], calm.ddq[thin]
     # Without the measured torque: in a column its noise is the residual's, and would be taken for evidence.
-    signals = Signals(body, times, *still, inverse_dynamics(body, body.prior(), *still), dq_measured=speed)
-    signals = replace(signals, temperature=_warm(trajectory, times))
+    rigid_still, warm = inverse_dynamics(body, body.prior(), *still), temperatures_at(trajectory, times)
+    signals = Signals(body, times, *still, rigid_still, dq_measured=speed, temperature=warm)
     # The same motion with its rounding errors twice: what they add.
     smooth = motion.q
     error = np.pad(rounding(smooth, grid.count, np.random.default_rng(0)), ((plan.edge, plan.edge), (0, 0)), "reflect")
@@ -165,7 +165,7 @@ def _stretch(
     return Stretch(recording, signals.part(sure, times[sure]), residual[sure], rounded[sure], size)
 
 
-def _warm(trajectory: Trajectory, times: Array) -> Array | None:
+def temperatures_at(trajectory: Trajectory, times: Array) -> Array | None:
     """(samples, n) °C of the joints at these times, straight between what was recorded; NaN of those without."""
     if trajectory.temperature is None:
         return None
