@@ -59,13 +59,16 @@ def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes
 
 
 def _against_the_model(told: dict[str, Quantity], hypothesis: Hypothesis, tolerance: float) -> dict[str, Quantity]:
-    """The parameters with their errors; that of a delay of torques or angles counts that it is told by the slope of the
-    model's torques, which is known as well as the links are."""
+    """The parameters with their errors, which count what the law's form is exact to (`Law.exact_to`); that of a delay
+    of torques or angles counts that it is told by the slope of the model's torques, which is known as well as the links
+    are."""
     effect, place = hypothesis.effect, hypothesis.place
-    if not effect.timed(place) or effect.equation_at(place) != "torque":
+    by_slope = effect.timed(place) and effect.equation_at(place) == "torque"
+    inexact = tolerance if by_slope else effect.exact_to
+    if not inexact:
         return told
     return {
-        name: replace(q, standard_error=np.hypot(q.standard_error, tolerance * np.abs(q.value)))
+        name: replace(q, standard_error=np.hypot(q.standard_error, inexact * np.abs(q.value)))
         for name, q in told.items()
     }
 

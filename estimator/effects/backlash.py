@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 
 GAPS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """rad, to try."""
+_AS_WIDE = 0.3
+"""Of the gap that a shape was made of, the least that it can be: one that is crossed as slowly as a gap of 10 mrad is
+none of a tenth of a milliradian."""
 
 
 class Backlash(JointEffect):
@@ -37,6 +40,7 @@ class Backlash(JointEffect):
     units: ClassVar = {"gap": "rad"}
     hidden = (1, 2)
     choices = (2,)
+    exact_to = 0.2
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse {joint} where gravity loads it, and where it does not"
 
@@ -64,7 +68,7 @@ class Backlash(JointEffect):
         return transmission.torque_of(signals, joint, ahead / gap)[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
-        return self.nonnegative(1)
+        return np.array([_AS_WIDE * theta[0]]), np.array([np.inf])
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         return {"gap": float(coefficients[0])}

@@ -97,6 +97,9 @@ class Law(ABC):
     mends_below: ClassVar[float] = 0.0
     """With a first theta below, it differs from what it contains in form alone: where it explains little more than
     that, it stands for a form that the plainer law has not, and is told as that law. Zero: never."""
+    exact_to: ClassVar[float] = 0.0
+    """Of its parameters' values, what they are known to where things of its name have not quite its form: counted in
+    their errors."""
     levels: ClassVar[tuple[int, ...]] = (0,)
     """Coefficients of which one or the other is that of the plainer law that it is, or contains (`typical`)."""
     named_for: ClassVar[tuple[int, ...]] = ()
