@@ -56,7 +56,8 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
             continue
         shared = gain - _beside(scores, k, chosen, beside)
         if admission.contained(candidate, k) or admission.contained(k, candidate):
-            untold = scores.assumed and scores.hypothesis(candidate).effect.told_by_repeats
+            theta = scores.design.candidates[candidate].theta
+            untold = scores.assumed and scores.hypothesis(candidate).effect.told_by_repeats(theta)
             gap = 0.0 if untold else mine[2] - supported
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))

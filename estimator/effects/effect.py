@@ -104,8 +104,6 @@ class Law(ABC):
     """Coefficients of which one or the other is that of the plainer law that it is, or contains (`typical`)."""
     named_for: ClassVar[tuple[int, ...]] = ()
     """Coefficients without which it would be another law; any other may be absent, where none can be negative."""
-    told_by_repeats: ClassVar[bool] = False
-    """Whether only a motion that is played again tells it from what it contains."""
     confused_with: ClassVar[tuple[str, ...]] = ()
     """What it is mostly taken for. Where that has slow lines, two of them are compared with it."""
     looks_like: ClassVar[tuple[str, ...]] = ()
@@ -126,6 +124,10 @@ class Law(ABC):
     def known(self, theta: Array) -> bool:
         """Whether there are things of its name with these."""
         return bool(np.all(theta[: len(self.known_up_to)] <= np.array(self.known_up_to)))
+
+    def told_by_repeats(self, theta: Array) -> bool:
+        """Whether only a motion that is played again tells it, at this shape, from what it contains."""
+        return False
 
     def usual(self, theta: Array) -> bool:
         """Whether it has its `typical` coefficients at this shape."""

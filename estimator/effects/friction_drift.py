@@ -45,7 +45,6 @@ class FrictionDrift(JointEffect):
     confused_with = ("torque_offset", "coulomb_friction")
     levels = (0, 1)
     contains = ("coulomb_friction",)
-    told_by_repeats = True
     seen_against = "t"
     experiment = "repeat the first motion of {joint} last, after some minutes of work"
 
@@ -60,6 +59,9 @@ class FrictionDrift(JointEffect):
 
     def seen_at(self, theta: Array) -> SeenAgainst:
         return "temperature" if _by_temperature(theta) else "t"
+
+    def told_by_repeats(self, theta: Array) -> bool:
+        return not _by_temperature(theta)
 
     def redundant(self, theta: Array) -> int:
         return 2 if _by_temperature(theta) else 0

@@ -93,6 +93,14 @@ def test_friction_that_goes_with_the_temperature_is_told_at_both_ends(tmp_path: 
     assert "temperature of elbow" in page.read_text(encoding="utf-8")
 
 
+def test_of_motions_played_once_it_is_named_too(tmp_path: Path, urdf: Path) -> None:
+    """A friction that drifts with time alone is told from one that goes with the place by repeats."""
+    answer = diagnosed(recordings(tmp_path, friction)[:3], urdf)
+    drifts = [f for f in answer["findings"] if f["effect"] == "friction_drift"]
+    assert [(f["joint"], f["status"]) for f in drifts] == [("elbow", "named")]
+    assert "initial_temperature" in drifts[0]["parameters"]
+
+
 def test_a_torque_that_goes_with_the_temperature_is_flagged_so(tmp_path: Path, urdf: Path) -> None:
     answer = diagnosed(recordings(tmp_path, sensor, by_the_sun), urdf)
     assert answer["unexplained"]["elbow"]["signature"] == "a function of temperature"
