@@ -20,6 +20,8 @@ _LARGEST = 1e9
 """N·m, rad/s, rad/s²: far beyond any joint; a damaged number."""
 _LARGEST_ANGLE = 400.0
 """rad; an arm's joint does not turn 60 times, but an angle in degrees reads like that."""
+_COLDEST, _HOTTEST = -60.0, 250.0
+"""°C; no motor that turns is colder or hotter, but one in kelvin reads so."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class Trajectory:
     nothing, of a sensor at the end of its range; that joint's equations leave them out. ``temperature`` °C of the
     joints, NaN of those without.
 
-    Raises InputError when shapes disagree, time does not rise, the angles can only be degrees, or a number is damaged.
+    Raises InputError when shapes disagree, time does not rise, the angles can only be degrees, the temperatures
+    only kelvin, or a number is damaged.
     """
 
     t: Array
@@ -68,6 +71,11 @@ class Trajectory:
         largest = max(float(np.fmax.reduce(self.q, axis=None)), -float(np.fmin.reduce(self.q, axis=None)))
         if largest > _LARGEST_ANGLE:
             raise InputError(self.name, f"an angle of {largest:.0f} is no joint angle in rad", "convert degrees to rad")
+        if self.temperature is not None and np.isfinite(self.temperature).any():
+            low, high = float(np.nanmin(self.temperature)), float(np.nanmax(self.temperature))
+            if low < _COLDEST or high > _HOTTEST:
+                worst = low if low < _COLDEST else high
+                raise InputError(self.name, f"a temperature of {worst:.0f} is no joint's in °C", "convert kelvin to °C")
         for label in ("tau", "dq", "ddq"):
             value = getattr(self, label)
             if value is not None and np.nanmax(np.abs(value), initial=0.0) > _LARGEST:

@@ -160,10 +160,10 @@ def stage(plan: Plan, folder: Path) -> Staged:
     prepared = prepare(plan, folder / "arm.urdf")
     played = play(prepared.installation, prepared.hidden, prepared.playlist, prepared.seed)
     rng = np.random.default_rng([prepared.seed, 1])
-    off = [read_off(prepared.installation, prepared.hidden, plan.drives_off_s, prepared.seed + 1)] * bool(
-        plan.drives_off_s
-    )
-    runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in played + off]
+    recorded = list(played)
+    if plan.drives_off_s:
+        recorded.append(read_off(prepared.installation, prepared.hidden, plan.drives_off_s, prepared.seed + 1))
+    runs = [as_recorded(run, prepared.installation, rng, prepared.every, prepared.jitter_s) for run in recorded]
     below = noise_in_band(prepared.noise, prepared.seed)
     share = np.hypot(1.0, folded_rms(played, prepared.every) / below)
     truth = replace(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator.effects.coulomb_friction import SHARP, WIDTHS
 from estimator.effects.effect import JointEffect, Parameters, Place, SeenAgainst
 from estimator.effects.signals import Scales, Signals
-from estimator.twin.plant import PlantDraft
+from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -20,6 +20,8 @@ SHORTEST = 0.2
 SHORTEST_S = 4.0
 """… but no less: nothing that a joint's work warms or wears in changes sooner, and in the time of a single stroke any
 law of friction looks like a change."""
+_UNKNOWN = 0.5
+"""Of the way from the coldest to the warmest, where a joint of unknown temperature is."""
 
 
 class FrictionDrift(JointEffect):
@@ -52,10 +54,11 @@ class FrictionDrift(JointEffect):
         widths = np.array(WIDTHS) * scales.dq[self.joint(place)]
         first = max(SHORTEST * scales.duration, SHORTEST_S)
         times = np.geomspace(first, max(scales.duration, 2.0 * first), 3)
-        by_time = [[time, width, 0.0, 0.0] for time in times for width in widths]
+        rows = [[time, width, 0.0, 0.0] for time in times for width in widths]
         joint = self.joint(place)
-        ends = [[0.0, width, scales.cold[joint], scales.warm[joint]] for width in widths]
-        return np.array(by_time + ends * scales.warms(joint))
+        if scales.warms(joint):
+            rows += [[0.0, width, scales.cold[joint], scales.warm[joint]] for width in widths]
+        return np.array(rows)
 
     def seen_at(self, theta: Array) -> SeenAgainst:
         return "temperature" if _by_temperature(theta) else "t"
@@ -91,11 +94,12 @@ class FrictionDrift(JointEffect):
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         (time, *_), (initial, final) = self.unknowns(place, parameters)
-        if time == 0.0:
-            plant.friction[self.joint(place)] += 0.5 * (initial + final)
-            return
         plant.friction[self.joint(place)] += final
-        plant.rubbing.append((self.joint(place), lambda at: (initial - final) * math.exp(-at.t / time)))
+
+        def more(at: Instant) -> float:
+            return float((initial - final) * (math.exp(-at.t / time) if time > 0.0 else _UNKNOWN))
+
+        plant.rubbing.append((self.joint(place), more))
 
 
 def _by_temperature(theta: Array) -> bool:
@@ -105,7 +109,7 @@ def _by_temperature(theta: Array) -> bool:
 def _colder(signals: Signals, joint: int, cold: float, warm: float) -> Array:
     """(samples,) how far a joint is from the warmest, as a share; a half where its temperature is not known."""
     temperature = np.full(signals.samples, np.nan) if signals.temperature is None else signals.temperature[:, joint]
-    return np.asarray(np.where(np.isfinite(temperature), (warm - temperature) / (warm - cold), 0.5))
+    return np.asarray(np.where(np.isfinite(temperature), (warm - temperature) / (warm - cold), _UNKNOWN))
 
 
 EFFECT = FrictionDrift()

@@ -94,6 +94,9 @@ def _diagnosed(read: ReadRecordings, tolerance: float) -> Diagnosis:
     where every one has the angles on both sides."""
     learning, judging = ([only_usable(read.body, t) for t in some] for some in (read.trajectories, read.hold_out))
     result = diagnose(read.body, learning, judging, tolerance, read.drives_off)
+    warm = [trajectory.temperature is not None for trajectory in (*learning, *judging)]
+    if any(warm) and not all(warm):
+        result = _not_in_all(result, "temperature", "temperature")
     learnt = list(zip(read.trajectories, read.recordings, strict=False))
     motors = [
         replace(trajectory, tau=recording.tau_motor[:, read.body.columns(recording.joints)], unusable=None)

@@ -19,6 +19,7 @@ import pytest
 
 from config.loader import installation_path
 from service.supervision import SupervisedProcess
+from tests.service.pendulum import URDF
 
 READY_S = 90.0
 SLOW = """
@@ -26,6 +27,15 @@ kind = "polynomial"
 way_points_rad = [[3.58, 2.69, 1.75], [3.2, 2.4, 1.4], [3.58, 2.69, 1.75]]
 duration_s = [8.0, 8.0]
 """
+
+
+@pytest.fixture
+def urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Of the pendulum, which no configuration knows; models are kept in the test's own state."""
+    monkeypatch.setenv("ETUDE_STATE", str(tmp_path / "state"))
+    path = tmp_path / "stranger.urdf"
+    path.write_text(URDF)
+    return path
 
 
 def _hear_ctrl_c() -> None:

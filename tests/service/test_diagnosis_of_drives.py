@@ -14,7 +14,7 @@ from driver.recording import read_recording
 from service.diagnosis.diagnosing import diagnose_recordings
 from service.diagnosis.request import DiagnoseRequest
 from service.models.model_file import read_model
-from tests.service.pendulum import URDF, pendulum
+from tests.service.pendulum import pendulum
 
 Array = NDArray[np.float64]
 
@@ -51,13 +51,6 @@ def yielding(q: Array, give: float) -> Array:
     for k in range(1, len(q)):
         wound[k] = np.clip(wound[k - 1] + q[k] - q[k - 1], -give, give)
     return wound
-
-
-@pytest.fixture
-def urdf(tmp_path: Path) -> Path:
-    path = tmp_path / "stranger.urdf"
-    path.write_text(URDF)
-    return path
 
 
 def test_what_lies_between_motor_and_sensor_is_named(

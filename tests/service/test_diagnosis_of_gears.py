@@ -13,7 +13,7 @@ from driver.recording.csv_recording import write_csv
 from service.diagnosis.diagnosing import diagnose_recordings
 from service.diagnosis.request import DiagnoseRequest
 from service.models.model_file import read_model
-from tests.service.pendulum import URDF, pendulum
+from tests.service.pendulum import pendulum
 
 STIFFNESS, COULOMB, LATE, RATIO = 21e3, 2.5, 3e-3, 121.0
 COUNT = 2e-6
@@ -52,14 +52,6 @@ def recording(path: Path, seed: int, stiff: bool = False, late: float = 0.0, rat
 
 def in_gears(answer: dict) -> dict[tuple[str, str | None], dict]:
     return {(f["effect"], f["joint"]): f["parameters"] for f in answer["findings"] if f["channel"] == "gear"}
-
-
-@pytest.fixture
-def urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ETUDE_STATE", str(tmp_path / "state"))
-    path = tmp_path / "stranger.urdf"
-    path.write_text(URDF)
-    return path
 
 
 def test_a_gear_that_winds_up_is_named_with_its_stiffness(tmp_path: Path, urdf: Path) -> None:

@@ -14,7 +14,9 @@ from driver.recording import read_recording
 from driver.recording.csv_recording import write_csv
 from service.diagnosis.diagnosing import diagnose_recordings
 from service.diagnosis.request import DiagnoseRequest
-from tests.service.pendulum import URDF, pendulum
+from service.models.export import export_model
+from service.models.model_file import read_model
+from tests.service.pendulum import pendulum
 
 Array = NDArray[np.float64]
 Drift = Callable[[Array, Array], Array]
@@ -66,14 +68,6 @@ def recordings(folder: Path, drift: Drift, warmth: Callable[[Array], Array] = by
     return files
 
 
-@pytest.fixture
-def urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ETUDE_STATE", str(tmp_path / "state"))
-    path = tmp_path / "stranger.urdf"
-    path.write_text(URDF)
-    return path
-
-
 def diagnosed(files: list[Path], urdf: Path, directory: Path | None = None) -> dict:
     return diagnose_recordings(DiagnoseRequest(tuple(files), arm=str(urdf), directory=directory)).answer
 
@@ -91,6 +85,8 @@ def test_friction_that_goes_with_the_temperature_is_told_at_both_ends(tmp_path: 
     assert "°C" in answer["summary"]
     (page,) = (tmp_path / "out").glob("*.html")
     assert "temperature of elbow" in page.read_text(encoding="utf-8")
+    exported = export_model(read_model(tmp_path / "out" / "model.toml"), tmp_path / "arm.xml")
+    assert exported["not_written"] == ["friction_drift of elbow (only in part)"]
 
 
 def test_of_motions_played_once_it_is_named_too(tmp_path: Path, urdf: Path) -> None:
@@ -104,6 +100,21 @@ def test_of_motions_played_once_it_is_named_too(tmp_path: Path, urdf: Path) -> N
 def test_a_torque_that_goes_with_the_temperature_is_flagged_so(tmp_path: Path, urdf: Path) -> None:
     answer = diagnosed(recordings(tmp_path, sensor, by_the_sun), urdf)
     assert answer["unexplained"]["elbow"]["signature"] == "a function of temperature"
+
+
+def test_temperatures_that_some_recordings_lack_are_not_asked_after(tmp_path: Path, urdf: Path) -> None:
+    files = recordings(tmp_path, friction)[:3]
+    rows = [line.rpartition(",")[0] for line in files[0].read_text().splitlines()]
+    files[0].write_text("\n".join(rows))
+    answer = diagnosed(files, urdf)
+    assert any("not every recording has the columns temperature_<joint>" in note for note in answer["notes"])
+    assert not any("initial_temperature" in finding["parameters"] for finding in answer["findings"])
+
+
+def test_temperatures_in_kelvin_are_refused(tmp_path: Path, urdf: Path) -> None:
+    files = recordings(tmp_path, friction, lambda t: by_its_work(t) + 273.15)[:1]
+    with pytest.raises(InputError, match=r"run-0\.csv.*a temperature of \d+ is no joint's in °C.*kelvin"):
+        diagnosed(files, urdf)
 
 
 def test_temperatures_are_read_and_written_of_those_joints_that_have_them(tmp_path: Path) -> None:
