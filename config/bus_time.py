@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from config.drive import TEMPERATURE
 from config.errors import InputError
-from config.schema import Bus, Drive, Installation, Mode
+from config.schema import Bus, Drive, Installation, Joint, Mode
 
 _DRIVE_ANSWERS_US = 50.0
 """From the end of the SYNC to a drive's TPDO waiting for the bus."""
@@ -60,7 +61,8 @@ class BusBudget:
 
 
 def cycle_budget(installation: Installation, bus: Bus, mode: Mode) -> BusBudget:
-    """Sum of SYNC, all RPDOs and TPDOs of ``mode`` and the heartbeats' share on one bus of the installation."""
+    """SYNC, all RPDOs and TPDOs of ``mode``, and the shares of seldom TPDOs and heartbeats on one bus of the
+    installation."""
     us_per_bit = 1e6 / bus.bitrate
     period_us = installation.cycle.period_ns / 1000
     items = [_item("SYNC", 0, 1.0, us_per_bit)]
@@ -68,6 +70,7 @@ def cycle_budget(installation: Installation, bus: Bus, mode: Mode) -> BusBudget:
     for joint in joints:
         for name, data_bytes in _pdos(installation.drive_of(joint), mode):
             items.append(_item(f"{joint.name} {name}", data_bytes, 1.0, us_per_bit))
+        items += _warmth(joint, installation.drive_of(joint), us_per_bit)
     per_cycle = (len(joints) + 1) * period_us / (1000 * installation.cycle.heartbeat_ms)
     items.append(_item("heartbeats", 1, per_cycle, us_per_bit))
     return BusBudget(bus.name, mode, tuple(items), sum(i.us_per_cycle for i in items), period_us)
@@ -108,6 +111,15 @@ def _pdos(drive: Drive, mode: Mode) -> list[tuple[str, int]]:
         for number, pdo in enumerate(pdos, 1)
         if pdo
     ]
+
+
+def _warmth(joint: Joint, drive: Drive, us_per_bit: float) -> list[BusItem]:
+    """The drive's TPDO of its temperature, which gives way to all others of its cycle."""
+    told = drive.temperature
+    if told is None:
+        return []
+    name, data_bytes = f"{joint.name} TPDO{told.tpdo}", drive.object(TEMPERATURE).bits // 8
+    return [_item(name, data_bytes, 1.0 / told.every, us_per_bit)]
 
 
 def _item(name: str, data_bytes: int, frames: float, us_per_bit: float) -> BusItem:

@@ -58,6 +58,20 @@ NEEDED: dict[tuple[Mode, str], tuple[str, ...]] = {
 """Objects without which a mode cannot be commanded, or its feedback not be judged."""
 
 
+TEMPERATURE = "temperature"
+"""The object's name that tells how warm the motor is."""
+
+
+class DriveTemperature(Section):
+    """The object ``temperature`` travels in a TPDO of its own, seldom: a motor does not warm within a cycle."""
+
+    celsius_per_count: float
+    tpdo: Annotated[int, Field(ge=1, le=4)] = 4
+    """Number of a TPDO that no layout uses."""
+    every: Annotated[int, Field(ge=2, le=240)] = 240
+    """It comes at each so-many-th SYNC: the TPDO's transmission type (CiA 301)."""
+
+
 class DriveIdentity(Section):
     """Object 1018 and 1000; a drive that answers otherwise is refused."""
 
@@ -76,6 +90,8 @@ class Drive(Section):
     objects: tuple[PdoObject, ...]
     layouts: dict[Mode, PdoLayout]
     start_up: tuple[SdoWrite, ...] = ()
+    temperature: DriveTemperature | None = None
+    """Where the drive tells how warm its motor is; recordings then hold it."""
     velocity_unit: Literal["counts_per_s"] = "counts_per_s"
     quick_stop_option: int = 6
     """Object 605A: slow down on the quick-stop ramp and stay."""
@@ -104,6 +120,22 @@ class Drive(Section):
                 for name in NEEDED[mode, way]:
                     if name not in mapped:
                         raise WrongKey(key, f"mode {mode} needs the object {name!r}", "map it")
+        return self
+
+    @model_validator(mode="after")
+    def _warmth_apart(self) -> Drive:
+        if self.temperature is None:
+            return self
+        if TEMPERATURE not in (o.name for o in self.objects):
+            raise WrongKey("temperature", f"object {TEMPERATURE!r} is not among objects", "add an [[objects]]")
+        number = self.temperature.tpdo
+        for mode, layout in self.layouts.items():
+            if any(TEMPERATURE in pdo for pdo in layout.tpdo):
+                raise WrongKey(
+                    f"layouts.{mode}.tpdo", f"maps {TEMPERATURE!r}, which has a TPDO of its own", "remove it"
+                )
+            if number <= len(layout.tpdo):
+                raise WrongKey("temperature.tpdo", f"TPDO {number} is that of layouts.{mode}", "give a free one")
         return self
 
     def object(self, name: str) -> PdoObject:

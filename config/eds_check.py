@@ -12,6 +12,7 @@ from typing import Any
 import canopen
 from canopen.objectdictionary import datatypes
 
+from config.drive import TEMPERATURE
 from config.errors import InputError
 from config.schema import Drive, PdoObject
 from config.toml_file import shown
@@ -108,6 +109,8 @@ def _mapped(drive: Drive) -> Iterator[tuple[int, str, PdoObject]]:
             for way, pdos in (("rpdo", layout.rpdo), ("tpdo", layout.tpdo)):
                 if any(mapped.name in pdo for pdo in pdos):
                     yield number, way, mapped
+        if drive.temperature is not None and mapped.name == TEMPERATURE:
+            yield number, "tpdo", mapped
 
 
 def _mapping_problem(dictionary: canopen.ObjectDictionary, mapped: PdoObject, way: str) -> str:

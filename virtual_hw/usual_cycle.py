@@ -1,10 +1,10 @@
 """The lockstep cycle as it nearly always is, without simulating its frames one by one.
 
-In most cycles each bus carries nothing but the host's RPDOs (and its heartbeat), the SYNC, and then every drive's
-TPDOs in the order of their identifiers. What that does is known without an event queue: all RPDOs wait for the SYNC,
-all TPDOs are ready when it ends, and the worst case of stuffing says that either is through in time. Anything else (a
-fault script, SDO traffic, a drive that is not operational, a frame of another length, a second listener) is left to
-the buses' own simulation, which tells the same bytes.
+In most cycles each bus carries nothing but the host's RPDOs (and its heartbeat), the SYNC, and then the TPDOs that the
+drives send at each, in the order of their identifiers. What that does is known without an event queue: all RPDOs wait
+for the SYNC, all TPDOs are ready when it ends, and the worst case of stuffing says that either is through in time.
+Anything else (a fault script, SDO traffic, a drive that is not operational, a TPDO that is sent seldom, a frame of
+another length, a second listener) is left to the buses' own simulation, which tells the same bytes.
 """
 
 from __future__ import annotations
@@ -54,6 +54,9 @@ class _UsualBus:
     def __init__(self, bus: Bus, connection: Connection, nodes: Sequence[DriveNode]) -> None:
         self.bus, self.connection, self.nodes = bus, connection, nodes
         tpdos = [(arbitration_key(pdo.can_id.to_bytes(4, "little")), pdo) for n in nodes for pdo in n.sync_tpdos]
+        self.seldom = tuple(pdo for _, pdo in tpdos if not pdo.every_sync)
+        """Sent at each so-many-th SYNC; a cycle with one of them is not usual."""
+        tpdos = [(key, pdo) for key, pdo in tpdos if pdo.every_sync]
         tpdos.sort(key=lambda entry: entry[0])
         self.tpdos: tuple[TransmitPdo, ...] = tuple(pdo for _, pdo in tpdos)
         self.last_key = max([arbitration_key(SYNC[:4]), *(key for key, _ in tpdos)])
@@ -164,6 +167,8 @@ class UsualCycle:
                 told = [pdo.frame() for pdo in usual.tpdos]
                 usual.bus.carry_block([SYNC, *told])
                 usual.connection.hear_block(told)
+                for pdo in usual.seldom:
+                    pdo.pass_sync()
                 for node in usual.nodes:
                     node.act()
             else:
@@ -183,6 +188,7 @@ class UsualCycle:
                 commands is None
                 or commands.longest_ns > lead_ns
                 or usual.longest_ns > window_ns
+                or any(pdo.due for pdo in usual.seldom)
                 or usual.connection.inbox
                 or not usual.bus.is_free_for(1 << 64)
             ):

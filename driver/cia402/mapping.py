@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from config.drive import TEMPERATURE
 from config.errors import InputError
 from config.schema import Drive, Joint, Mode
 
@@ -23,7 +24,7 @@ COMMANDS = {
 _RPDO_IDS = (0x200, 0x300, 0x400, 0x500)
 _TPDO_IDS = (0x180, 0x280, 0x380, 0x480)
 SYNCHRONOUS = 1
-"""Transmission type of all our PDOs: at every SYNC."""
+"""Transmission type of all PDOs of a layout: at every SYNC."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ class PdoMap:
     names: tuple[str, ...]
     entries: tuple[int, ...]
     """Mapping entries ``index << 16 | subindex << 8 | bits``."""
+    transmission: int = SYNCHRONOUS
+    """Transmission type: at each so-many-th SYNC."""
 
     @property
     def length(self) -> int:
@@ -63,7 +66,8 @@ def default_cob_id(receive: bool, number: int, node_id: int) -> int:
 
 
 def pdo_maps(joint: Joint, drive: Drive, mode: Mode) -> tuple[PdoMap, ...]:
-    """The PDOs that a joint's drive uses in a mode: RPDOs first, each at its predefined COB-ID.
+    """The PDOs that a joint's drive uses in a mode: RPDOs first, each at its predefined COB-ID; last the TPDO of its
+    temperature, where it tells one.
 
     Raises InputError when the layout is missing or commands what the loop has not; that it carries what each mode
     needs is checked with the configuration.
@@ -77,13 +81,26 @@ def pdo_maps(joint: Joint, drive: Drive, mode: Mode) -> tuple[PdoMap, ...]:
         for number, names in enumerate(pdos, 1):
             if not names:
                 continue
-            objects = [drive.object(name) for name in names]
-            entries = tuple(o.index << 16 | o.subindex << 8 | o.bits for o in objects)
-            maps.append(PdoMap(receive, number, default_cob_id(receive, number, joint.node_id), names, entries))
+            maps.append(_pdo_map(joint, drive, receive, number, names))
     commanded = [name for pdo in maps if pdo.receive for name in pdo.names]
     for name in commanded:
         if name not in COMMANDS:
             raise InputError(place, f"rpdo object {name!r} is none the loop commands", f"use {', '.join(COMMANDS)}")
     if [COMMANDS[name] for name in commanded].count("tau") > 1:
         raise InputError(place, "target_torque and torque_offset are both mapped", "keep the one of this mode")
+    if (warmth := temperature_map(joint, drive)) is not None:
+        maps.append(warmth)
     return tuple(maps)
+
+
+def temperature_map(joint: Joint, drive: Drive) -> PdoMap | None:
+    """The TPDO in which a drive tells how warm its motor is; None where it does not."""
+    told = drive.temperature
+    return None if told is None else _pdo_map(joint, drive, False, told.tpdo, (TEMPERATURE,), told.every)
+
+
+def _pdo_map(
+    joint: Joint, drive: Drive, receive: bool, number: int, names: tuple[str, ...], transmission: int = SYNCHRONOUS
+) -> PdoMap:
+    entries = tuple(o.index << 16 | o.subindex << 8 | o.bits for o in map(drive.object, names))
+    return PdoMap(receive, number, default_cob_id(receive, number, joint.node_id), names, entries, transmission)

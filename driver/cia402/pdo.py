@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from config.schema import Drive, Installation, Joint, Mode
 from driver.bus.frames import pack
-from driver.cia402.mapping import COMMANDS, FEEDBACK, MODE_CODES, PdoMap, pdo_maps
+from driver.cia402.mapping import COMMANDS, FEEDBACK, MODE_CODES, SYNCHRONOUS, PdoMap, pdo_maps
 from driver.cia402.pdo_input import CODES, HEAD, BusInput, Reception
 from driver.cia402.scaling import JointScale
 
@@ -97,7 +97,9 @@ class PdoCodec:
         masks = [0] * len(self.joints)
         bit = 1
         for number, name in enumerate(bus_names):
-            tpdos = [(pdo, i) for i in self._joints_on(name) for pdo in self.maps[i] if not pdo.receive]
+            every = [(pdo, i) for i in self._joints_on(name) for pdo in self.maps[i] if not pdo.receive]
+            # How warm a motor is does not steer anything: the recorder decodes it (`driver.cia402.temperatures`).
+            tpdos = [(pdo, i) for pdo, i in every if pdo.transmission == SYNCHRONOUS]
             tpdos.sort(key=lambda entry: entry[0].cob_id)
             place = len(self._raw)
             self._inputs.append(BusInput(number, [(pdo, drives[i]) for pdo, i in tpdos], self._raw, bit))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from driver.cia402.mapping import SYNCHRONOUS, PdoMap
+from driver.cia402.mapping import PdoMap
 from driver.cia402.objects import RPDO_COMMUNICATION, TPDO_COMMUNICATION
 from driver.cia402.sdo import SdoObjects
 
@@ -62,7 +62,7 @@ def _configure(sdo: SdoObjects, pdo: PdoMap, deadline_ms: int) -> None:
     remote = sdo.read(pdo.communication, _COB_ID) & _REMOTE_BIT  # The drive's own; many refuse to change it.
     invalid = INVALID | remote | pdo.cob_id
     sdo.write(pdo.communication, _COB_ID, invalid)
-    sdo.write(pdo.communication, _TRANSMISSION, SYNCHRONOUS)
+    sdo.write(pdo.communication, _TRANSMISSION, pdo.transmission)
     for subindex, value in _timers(sdo, pdo, deadline_ms).items():
         sdo.write(pdo.communication, subindex, value)
     sdo.write(pdo.mapping, 0, 0)
@@ -76,7 +76,7 @@ def _verify(sdo: SdoObjects, pdo: PdoMap, deadline_ms: int) -> None:
     """A silently altered mapping would put every value in the wrong place, so nothing of it is taken on trust."""
     altered = f"the drive altered its {pdo.title}; check its firmware and the drive file"
     sdo.require(pdo.communication, _COB_ID, pdo.cob_id, altered, mask=_COMPARED)
-    sdo.require(pdo.communication, _TRANSMISSION, SYNCHRONOUS, altered)
+    sdo.require(pdo.communication, _TRANSMISSION, pdo.transmission, altered)
     for subindex, value in _timers(sdo, pdo, deadline_ms).items():
         sdo.require(pdo.communication, subindex, value, altered)
     sdo.require(pdo.mapping, 0, len(pdo.entries), altered)

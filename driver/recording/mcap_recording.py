@@ -15,10 +15,12 @@ from driver.recording.joint_state_columns import JointStateColumns, NotJointStat
 from driver.recording.message_records import RECORD_HEAD_BYTES, SECOND, LogRecord
 from driver.recording.recording import Array, Event, Recording, check_increasing, find_gaps, gap_notes
 from driver.recording.run_writer import COMMAND, EVENTS, FEEDFORWARD, JOINT_STATES, METADATA
+from driver.recording.stamped_columns import StampedColumns, stamped_columns, temperature_at
 from driver.recording.topic_messages import Batch, McapFile, records_by_length
 
 JOINT_STATE_TYPES = (ros2.JOINT_STATE, "sensor_msgs/JointState")
 WRENCH = "/wrench"
+TEMPERATURE_TYPES = (ros2.TEMPERATURE, "sensor_msgs/Temperature")
 WRENCH_TYPES = (ros2.WRENCH_STAMPED, "geometry_msgs/WrenchStamped")
 Nanoseconds = NDArray[np.int64]
 
@@ -57,6 +59,7 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
             q=position,
             dq=columns["velocity"],
             tau=columns["effort"],
+            temperature=temperature_at(t, start_ns, measured.joints, collected.temperatures),
             gaps=gaps,
             notes=(*notes, *gap_notes(gaps)),
         )
@@ -75,6 +78,8 @@ class _Collected:
         self._wrenches: list[Array] = []
         self.wrench_frame: str | None = None
         """As the first message says it."""
+        self.temperatures: dict[str, list[StampedColumns]] = {}
+        """By the frame, which is a joint's name."""
         self._sentences: list[tuple[int, int, str]] = []
         joint_states = dict.fromkeys(_checked_channels(file, topic), topic)
         wrench, events = frozenset[int](), frozenset[int]()
@@ -84,11 +89,19 @@ class _Collected:
             events = frozenset(channel.id for channel in file.channels_of(EVENTS))
         elif topics := _wrench_topics(file)[:1]:
             wrench = frozenset(channel.id for channel in file.channels_of(topics[0]))
-        for batch in file.batches(wrench | events | joint_states.keys()):
+        types = file.topics()
+        told = [
+            c for c in file.channels.values() if types[c.topic] in TEMPERATURE_TYPES and c.message_encoding == "cdr"
+        ]
+        warmth = frozenset(channel.id for channel in told)
+        for batch in file.batches(wrench | events | warmth | joint_states.keys()):
             for channel_id, name in joint_states.items():
                 self._take_joint_states(batch, channel_id, name)
             for channel_id in wrench:
                 self._take_wrenches(batch, channel_id)
+            for channel_id in warmth:
+                for part in stamped_columns(batch, channel_id, 2):
+                    self.temperatures.setdefault(part.frame, []).append(part)
             for channel_id in events:
                 self._take_sentences(batch, channel_id)
 
@@ -103,16 +116,10 @@ class _Collected:
                 raise InputError(place, f"a message is no JointState: {error}", "check what publishes it") from None
 
     def _take_wrenches(self, batch: Batch, channel_id: int) -> None:
-        """The stamp is at the body's start, the six numbers at its end, whatever the frame is called."""
-        for _, rows in records_by_length(batch, channel_id):
-            body = RECORD_HEAD_BYTES + 4
-            if self.wrench_frame is None and len(rows):
-                length = int.from_bytes(rows[0, body + 8 : body + 12].tobytes(), "little")
-                self.wrench_frame = rows[0, body + 12 : body + 11 + length].tobytes().decode(errors="replace")
-            seconds = np.ascontiguousarray(rows[:, body : body + 4]).view("<i4")[:, 0].astype(np.int64)
-            nanoseconds = np.ascontiguousarray(rows[:, body + 4 : body + 8]).view("<u4")[:, 0]
-            self._stamps.append(seconds * SECOND + nanoseconds)
-            self._wrenches.append(np.ascontiguousarray(rows[:, -48:]).view("<f8").astype(np.float64))
+        for part in stamped_columns(batch, channel_id, 6):
+            self.wrench_frame = self.wrench_frame or part.frame
+            self._stamps.append(part.stamp_ns)
+            self._wrenches.append(part.numbers)
 
     def _take_sentences(self, batch: Batch, channel_id: int) -> None:
         for place in batch.offsets.get(channel_id, ()):

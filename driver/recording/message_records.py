@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
+from typing import ClassVar
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """CDR, little-endian."""
@@ -82,20 +83,41 @@ class JointStateRecord:
         )  # fmt: skip
 
 
-class WrenchRecord:
-    """geometry_msgs/msg/WrenchStamped in one frame."""
+class _StampedNumbers:
+    """A header of one frame, and ``count`` numbers of float64."""
+
+    count: ClassVar[int]
 
     def __init__(self, channel_id: int, frame: str) -> None:
         before = _aligned(bytes(8) + cdr_string(frame), 8)
         self._frame = before[8:]
-        self._head = _head(channel_id, 4 + len(before) + 48)
-        self._struct = struct.Struct(f"<11sIQQ4siI{len(self._frame)}s6d")
+        self._head = _head(channel_id, 4 + len(before) + 8 * self.count)
+        self._struct = struct.Struct(f"<11sIQQ4siI{len(self._frame)}s{self.count}d")
+
+    def _pack(self, sequence: int, log_ns: int, stamp_ns: int, numbers: Sequence[float]) -> bytes:
+        return self._struct.pack(
+            self._head, sequence, log_ns, stamp_ns, ENCAPSULATION, *divmod(stamp_ns, SECOND), self._frame, *numbers
+        )
+
+
+class WrenchRecord(_StampedNumbers):
+    """geometry_msgs/msg/WrenchStamped in one frame."""
+
+    count = 6
 
     def pack(self, sequence: int, log_ns: int, stamp_ns: int, wrench: Sequence[float]) -> bytes:
         """One record: Fx, Fy, Fz in N, Tx, Ty, Tz in N·m."""
-        return self._struct.pack(
-            self._head, sequence, log_ns, stamp_ns, ENCAPSULATION, *divmod(stamp_ns, SECOND), self._frame, *wrench
-        )
+        return self._pack(sequence, log_ns, stamp_ns, wrench)
+
+
+class TemperatureRecord(_StampedNumbers):
+    """sensor_msgs/msg/Temperature of one joint, whose name is the frame."""
+
+    count = 2
+
+    def pack(self, sequence: int, log_ns: int, stamp_ns: int, celsius: float) -> bytes:
+        """One record: °C; the variance is zero, which means that it is not known."""
+        return self._pack(sequence, log_ns, stamp_ns, (celsius, 0.0))
 
 
 class CanFrameRecord:

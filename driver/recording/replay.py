@@ -13,6 +13,7 @@ from mcap.records import Channel
 from config import InputError, Installation
 from config.schema import Mode
 from driver.cia402.pdo import SYNC, PdoCodec
+from driver.cia402.temperatures import TemperatureInput
 from driver.recording.installation_attachments import attached_installation
 from driver.recording.message_records import (
     NO_WRENCH,
@@ -20,9 +21,17 @@ from driver.recording.message_records import (
     BytesRecord,
     CanFrameRecord,
     JointStateRecord,
+    TemperatureRecord,
     WrenchRecord,
 )
-from driver.recording.run_writer import JOINT_STATES, METADATA, can_topics, serial_topics, wrench_topics
+from driver.recording.run_writer import (
+    JOINT_STATES,
+    METADATA,
+    can_topics,
+    serial_topics,
+    temperature_topics,
+    wrench_topics,
+)
 from driver.recording.topic_messages import McapFile
 from driver.wrench import make_parser
 
@@ -60,7 +69,7 @@ class ReplayReport:
 
 
 def replay(path: Path | str) -> ReplayReport:
-    """Decode /can/… and /serial/… of our own recording and compare with /joint_states and /wrench.
+    """Decode /can/… and /serial/… of our own recording and compare with /joint_states, /temperature/… and /wrench.
 
     Raises InputError for a recording without raw channels or without its installation, and for a damaged one.
     """
@@ -75,6 +84,8 @@ def replay(path: Path | str) -> ReplayReport:
         _compare(
             file, JOINT_STATES, _joint_states(file, installation, channels, metadata.get("mode")), report, channels
         )
+        for topic, records in _temperatures(file, installation, channels).items():
+            _compare(file, topic, iter(records), report, channels)
         for number, topic in enumerate(wrench_topics(installation)):
             _compare(file, topic, _wrench(file, installation, number, channels), report, channels)
         return report
@@ -111,13 +122,11 @@ def _joint_states(
 
     Cycles before the run's first are decoded for what the codec remembers of them.
     """
-    topics = can_topics(installation)
-    if missing := [topic for topic in topics if topic not in channels]:
-        raise InputError(str(file.path), f"has no raw channel {missing[0]}", "replay our own recordings")
+    buses = _raw_channels(file, installation, channels)
     codec = _codec(installation, mode, file.path)
     record = JointStateRecord(channels[JOINT_STATES].id, installation.joint_names, (True, True, True))
     # The message itself is among them: a cycle without any frame is a cycle all the same, one without it is none.
-    wanted = {channels[topic].id: bus for bus, topic in enumerate(topics)} | {channels[JOINT_STATES].id: -1}
+    wanted = buses | {channels[JOINT_STATES].id: -1}
     for (sequence, log_ns), cycle in groupby(_records(file, wanted), key=itemgetter(0, 1)):
         codec.begin_cycle(log_ns)
         recorded = False
@@ -136,6 +145,37 @@ def _joint_states(
             yield record.pack(sequence, log_ns, log_ns, measured.q, measured.dq, measured.tau)
 
 
+def _raw_channels(file: McapFile, installation: Installation, channels: dict[str, Channel]) -> dict[int, int]:
+    """Numbers of the buses, by the channels of their frames. InputError when one is missing."""
+    topics = can_topics(installation)
+    if missing := [topic for topic in topics if topic not in channels]:
+        raise InputError(str(file.path), f"has no raw channel {missing[0]}", "replay our own recordings")
+    return {channels[topic].id: bus for bus, topic in enumerate(topics)}
+
+
+def _temperatures(file: McapFile, installation: Installation, channels: dict[str, Channel]) -> dict[str, list[bytes]]:
+    """What the drives told of their temperatures, from the frames, by topic: seldom enough to be held."""
+    topics, temperatures = temperature_topics(installation), TemperatureInput(installation)
+    found: dict[str, list[bytes]] = {topic: [] for topic in topics.values()}
+    first = _first_cycle_ns(file, channels) if topics else None
+    if first is None:
+        return found
+    records = {k: TemperatureRecord(channels[topic].id, installation.joint[k].name) for k, topic in topics.items()}
+    for sequence, log_ns, bus, frame in _records(file, _raw_channels(file, installation, channels)):
+        sent, stamp_ns, data = CanFrameRecord.unpack(frame[RECORD_HEAD_BYTES:])
+        warmth = None if sent or log_ns < first else temperatures.read(bus, data)
+        if warmth is not None:
+            record = records[warmth.joint]
+            found[topics[warmth.joint]].append(record.pack(sequence, log_ns, stamp_ns, warmth.celsius))
+    return found
+
+
+def _first_cycle_ns(file: McapFile, channels: dict[str, Channel]) -> int | None:
+    """Log time of the run's first cycle; None of a run that was ended before it."""
+    first = next(_records(file, {channels[JOINT_STATES].id: 0}), None)
+    return None if first is None else first[1]
+
+
 def _wrench(file: McapFile, installation: Installation, number: int, channels: dict[str, Channel]) -> Iterator[bytes]:
     """One sensor's samples from the bytes of its line."""
     sensor = installation.wrench_sensor[number]
@@ -143,13 +183,13 @@ def _wrench(file: McapFile, installation: Installation, number: int, channels: d
     if topic not in channels:
         raise InputError(str(file.path), f"has no raw channel {topic}", "replay our own recordings")
     parser = make_parser(sensor)
-    first = next(_records(file, {channels[JOINT_STATES].id: 0}), None)
-    if first is None:  # a run that was ended before its first cycle
+    first = _first_cycle_ns(file, channels)
+    if first is None:
         return
     record = WrenchRecord(channels[wrench_topics(installation)[number]].id, sensor.frame)
     for sequence, log_ns, _, raw in _records(file, {channels[topic].id: number}):
         samples = parser.feed(BytesRecord.unpack(raw[RECORD_HEAD_BYTES:]), log_ns)
-        for sample in samples if log_ns >= first[1] else ():
+        for sample in samples if log_ns >= first else ():
             yield record.pack(sequence, log_ns, sample.stamp_ns, sample.values if sample.fresh else NO_WRENCH)
 
 

@@ -18,6 +18,7 @@ def _definition(fields: str, uses: dict[str, str]) -> str:
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
 CAN_FRAME = "can_msgs/msg/Frame"
 BYTES = "std_msgs/msg/UInt8MultiArray"
 LOG = "rcl_interfaces/msg/Log"
@@ -34,6 +35,7 @@ DEFINITIONS: dict[str, str] = {
             "geometry_msgs/Vector3": _VECTOR3,
         },
     ),
+    TEMPERATURE: _definition("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n", _STAMPED),
     CAN_FRAME: _definition(
         "std_msgs/Header header\nuint32 id\nbool is_rtr\nbool is_extended\nbool is_error\nuint8 dlc\nuint8[8] data\n",
         _STAMPED,

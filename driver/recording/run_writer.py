@@ -10,6 +10,7 @@ from pathlib import Path
 from mcap.records import Attachment
 
 from config import InputError, Installation
+from driver.cia402.temperatures import TemperatureInput
 from driver.cyclic.cycle import Cycle, LoopState
 from driver.recording import ros2_definitions as ros2
 from driver.recording.chunked_file import ChunkedFile
@@ -20,6 +21,7 @@ from driver.recording.message_records import (
     CanFrameRecord,
     JointStateRecord,
     LogRecord,
+    TemperatureRecord,
     WrenchRecord,
 )
 from driver.wrench import WrenchParser, make_parser
@@ -28,12 +30,18 @@ FLUSH_NS = 40_000_000
 """A chunk spans at most this much of the recording's own time, so a killed process loses less than 100 ms."""
 LEVELS = {LoopState.LATCHED: LogRecord.ERROR, LoopState.STOPPING: LogRecord.WARN}
 JOINT_STATES, COMMAND, FEEDFORWARD, EVENTS = "/joint_states", "/command", "/feedforward", "/events"
+TEMPERATURE = "/temperature/"
 METADATA = "etude"
 
 
 def wrench_topics(installation: Installation) -> list[str]:
     """/wrench for the first sensor, /wrench/<name> for others."""
     return ["/wrench" if k == 0 else f"/wrench/{s.name}" for k, s in enumerate(installation.wrench_sensor)]
+
+
+def temperature_topics(installation: Installation) -> dict[int, str]:
+    """/temperature/<joint>, by the number of the joint, of those whose drives tell it."""
+    return {k: f"{TEMPERATURE}{installation.joint[k].name}" for k in TemperatureInput(installation).joints}
 
 
 def can_topics(installation: Installation) -> list[str]:
@@ -50,7 +58,8 @@ class RunWriter:
     """Writes the cycles it is given to ``path``. All messages of a cycle carry its time as log time and its index
     as sequence number, so that lost cycles show and replay can group them.
 
-    /wrench holds every sample of the sensor, decoded here from the recorded bytes by the parser that replay uses.
+    /wrench and /temperature/… hold every sample of sensor and drives, decoded here from the recorded bytes by what
+    replay uses.
     Nothing in the file comes from a clock or a random source: equal cycles give equal bytes.
     """
 
@@ -79,6 +88,7 @@ class RunWriter:
         fcntl.flock(fd, fcntl.LOCK_EX)
         self._stream = os.fdopen(fd, "wb", buffering=0)
         self._file = ChunkedFile(self._stream)
+        self._temperatures = TemperatureInput(installation)
         self._parsers: list[WrenchParser] = [make_parser(s) for s in installation.wrench_sensor]
         self._chunk_start_ns: int | None = None
         self._index = 0
@@ -112,6 +122,11 @@ class RunWriter:
                 strict=True,
             )
         ]
+        self._temperature = {
+            joint: (number, TemperatureRecord(number, names[joint]))
+            for joint, topic in temperature_topics(self._installation).items()
+            for number in (channel(topic, ros2.TEMPERATURE),)
+        }
         self._serial = [
             (number, BytesRecord(number))
             for number in (channel(topic, ros2.BYTES) for topic in serial_topics(self._installation))
@@ -155,7 +170,7 @@ class RunWriter:
         self._index, self._time_ns = cycle.index & 0xFFFF_FFFF, now
 
     def _write_raw(self, cycle: Cycle, *, measured: bool) -> None:
-        """Frames and bytes as they passed; the sensors' samples only when ``measured``."""
+        """Frames and bytes as they passed; what they tell of wrench and temperatures only when ``measured``."""
         now, sequence, add = cycle.time_ns, self._index, self._file.add_message
         together, channel_id, head, pack = None, 0, b"", CanFrameRecord.pack
         for bus, time_ns, sent, data in cycle.frames:
@@ -164,6 +179,10 @@ class RunWriter:
                 channel_id, record_head = self._can[bus]
                 head = record_head(sequence, now, time_ns, sent)
             add(channel_id, now, pack(head, data))
+            warmth = None if sent or not measured else self._temperatures.read(bus, data)
+            if warmth is not None:
+                own_id, temperature = self._temperature[warmth.joint]
+                add(own_id, now, temperature.pack(sequence, now, time_ns, warmth.celsius))
         for sensor, data in cycle.serial:
             channel_id, raw = self._serial[sensor]
             add(channel_id, now, raw.pack(sequence, now, data))

@@ -16,7 +16,7 @@ def on_one_bus(arm: Installation, joints: int, rate_hz: float, rpdo: int, tpdo: 
     drive = arm.drives["etude402_tacho"]
     sized = {4: ("controlword", "target_torque"), 8: ("controlword", "target_position", "torque_offset")}
     layout = PdoLayout(rpdo=(sized[rpdo],), tpdo=(("statusword", "position", "torque"),) if tpdo == 8 else ())
-    packed: Drive = drive.model_copy(update={"layouts": {"csp": layout, "cst": layout}})
+    packed: Drive = drive.model_copy(update={"layouts": {"csp": layout, "cst": layout}, "temperature": None})
     return arm.model_copy(
         update={
             "bus": arm.bus[:1],
@@ -75,6 +75,12 @@ def test_heartbeats_are_shared_out(dda: Installation) -> None:
     budget = cycle_budget(dda, dda.bus[0], "csp")
     assert budget.items[-1].us_per_cycle == pytest.approx(2 * 65 / 20)
     assert budget.total_us == pytest.approx(sum(i.us_per_cycle for i in budget.items))
+
+
+def test_seldom_temperatures_are_shared_out(dda: Installation) -> None:
+    """A frame of two bytes a drive, at each 240th SYNC."""
+    (item,) = (i for i in cycle_budget(dda, dda.bus[0], "cst").items if i.name == "joint1 TPDO4")
+    assert (item.data_bytes, item.us_per_cycle) == (2, pytest.approx(75 / 240))
 
 
 def test_slower_bits_take_longer(dda: Installation) -> None:

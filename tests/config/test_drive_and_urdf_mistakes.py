@@ -49,6 +49,37 @@ MISTAKES = [
     ),
     (
         "etude402_tacho.toml",
+        "index = 0x2110",
+        "index = 0x2111\nsubindex = 1",
+        "etude402_tacho.toml: objects[9] (temperature): 2111:01 is i32, not i16, in etude402.eds; use the EDS of this "
+        "drive",
+    ),
+    (
+        "etude402_tacho.toml",
+        'name = "temperature"',
+        'name = "warmth"',
+        "etude402_tacho.toml: temperature: object 'temperature' is not among objects; add an [[objects]]",
+    ),
+    (
+        "etude402_tacho.toml",
+        "tpdo = 4",
+        "tpdo = 2",
+        "etude402_tacho.toml: temperature.tpdo: TPDO 2 is that of layouts.csp; give a free one",
+    ),
+    (
+        "etude402_tacho.toml",
+        'tpdo = [["statusword", "position", "torque"], ["velocity"]]\n\n[layouts.cst]',
+        'tpdo = [["statusword", "position", "torque"], ["velocity", "temperature"]]\n\n[layouts.cst]',
+        "etude402_tacho.toml: layouts.csp.tpdo: maps 'temperature', which has a TPDO of its own; remove it",
+    ),
+    (
+        "etude402_tacho.toml",
+        "every = 240",
+        "every = 1",
+        "etude402_tacho.toml: temperature.every: 1 is out of range; give at least 2",
+    ),
+    (
+        "etude402_tacho.toml",
         "index = 0x6080",
         "index = 0x6502",
         "etude402_tacho.toml: start_up[3]: 6502:00 is read-only in etude402.eds; remove it",

@@ -207,8 +207,9 @@ MISTAKES = [
         "rate_hz = 1000",
         "rate_hz = 2000",
         "installation.toml: bus[0] (can0): the frames of a cycle in mode csp do not fit: SYNC 55 + "
-        "joint1 RPDO1 135 + joint1 RPDO2 95 + joint1 TPDO1 135 + joint1 TPDO2 95 + heartbeats 3.25 = "
-        "518.2 µs of 500 µs (104 %); use more buses, cycle.rate_hz of at most 1920, or shorter PDOs",
+        "joint1 RPDO1 135 + joint1 RPDO2 95 + joint1 TPDO1 135 + joint1 TPDO2 95 + joint1 TPDO4 0.3125 "
+        "+ heartbeats 3.25 = 518.6 µs of 500 µs (104 %); use more buses, cycle.rate_hz of at most 1920, or shorter "
+        "PDOs",
     ),
     (
         "[arm]",

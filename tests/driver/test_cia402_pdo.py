@@ -234,13 +234,15 @@ def test_a_layout_that_commands_a_measurement_is_refused() -> None:
 
 
 def test_mapping_entries_and_identifiers() -> None:
-    rpdo1, rpdo2, tpdo1, tpdo2 = pdo_maps(DDA.joint[2], DDA.drive_of(DDA.joint[2]), "csp")
+    rpdo1, rpdo2, tpdo1, tpdo2, tpdo4 = pdo_maps(DDA.joint[2], DDA.drive_of(DDA.joint[2]), "csp")
     assert [pdo.cob_id for pdo in (rpdo1, rpdo2, tpdo1, tpdo2)] == [0x203, 0x303, 0x183, 0x283]
     assert rpdo1.entries == (0x60400010, 0x607A0020, 0x60B20010)
     assert (rpdo1.communication, rpdo1.mapping, rpdo2.communication) == (0x1400, 0x1600, 0x1401)
     assert (tpdo1.communication, tpdo1.mapping, tpdo2.mapping) == (0x1800, 0x1A00, 0x1A01)
     assert [pdo.length for pdo in (rpdo1, rpdo2, tpdo1, tpdo2)] == [8, 4, 8, 4]
     assert rpdo1.title == "RPDO1"
+    assert (tpdo4.cob_id, tpdo4.communication, tpdo4.entries, tpdo4.length) == (0x483, 0x1803, (0x21100010,), 2)
+    assert [pdo.transmission for pdo in (rpdo1, rpdo2, tpdo1, tpdo2, tpdo4)] == [1, 1, 1, 1, 240]
 
 
 def test_frames_of_the_host() -> None:

@@ -121,13 +121,15 @@ def test_what_commissioning_leaves_behind(drive: ScriptedDrive) -> None:
         "reset of the communication", "identity", "configuration for csp", "operational"
     )]  # fmt: skip
     kept = drive.values
-    # Two RPDOs and two TPDOs, synchronous, with the deadline of the commands; all others off.
+    # Two RPDOs and two TPDOs, synchronous, with the deadline of the commands, and the seldom temperature; no others.
     assert [kept[0x1600, k] for k in range(4)] == [3, 0x60400010, 0x607A0020, 0x60B20010]
     assert [kept[0x1601, k] for k in range(2)] == [1, 0x60B10020]
     assert [kept[0x1A00, k] for k in range(4)] == [3, 0x60410010, 0x60640020, 0x60770010]
     assert [kept[0x1400 + k, 1] & 0x8000_07FF for k in range(2)] == [0x201, 0x301]
     assert [kept[0x1800 + k, 1] & 0x8000_07FF for k in range(2)] == [0x181, 0x281]
-    assert all(kept[base + k, 1] & 0x8000_0000 for base in (0x1400, 0x1800) for k in (2, 3))
+    assert [kept[0x1A03, k] for k in range(2)] == [1, 0x21100010]
+    assert (kept[0x1803, 1] & 0x8000_07FF, kept[0x1803, 2]) == (0x481, 240)
+    assert all(kept[index, 1] & 0x8000_0000 for index in (0x1402, 0x1403, 0x1802))
     assert {kept[base + k, 2] for base in (0x1400, 0x1800) for k in (0, 1)} == {1}
     assert (kept[0x1400, 5], kept[0x1401, 5]) == (15, 15)
     # Limits and gains of the joint, options of the drive, 1 ms, heartbeats both ways.

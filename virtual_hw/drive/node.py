@@ -210,11 +210,12 @@ class DriveNode:
 
     @property
     def regular(self) -> bool:
-        """Whether a SYNC does nothing but send all TPDOs and take up all RPDOs, and frames as mapped raise no error."""
+        """Whether a SYNC does nothing but send the TPDOs that are due and take up all RPDOs, and no frame as mapped is
+        an error."""
         return (
             self.nmt is NmtState.OPERATIONAL
             and not (self._late or self._odd_sync or self._event_tpdos)
-            and all(tpdo.every_sync for tpdo in self.sync_tpdos)
+            and all(tpdo.transmission for tpdo in self.sync_tpdos)
             and all(rpdo.in_order for rpdo in self.sync_rpdos)
         )
 

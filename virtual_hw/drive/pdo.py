@@ -192,6 +192,15 @@ class TransmitPdo(Pdo):
         """Whether it is sent at each SYNC, whatever happens."""
         return self._every == 1
 
+    @property
+    def due(self) -> bool:
+        """Whether the next SYNC has it sent, of one that is sent at every n-th."""
+        return self._syncs + 1 >= self._every
+
+    def pass_sync(self) -> None:
+        """A SYNC at which it is not due has come."""
+        self._syncs += 1
+
     def on_sync(self) -> None:
         """Send, where this SYNC asks for it."""
         if self._every == 0:

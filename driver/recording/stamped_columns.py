@@ -1,0 +1,57 @@
+"""Messages of a header and some numbers (WrenchStamped, Temperature) to columns, all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from driver.recording.message_records import RECORD_HEAD_BYTES, SECOND
+from driver.recording.topic_messages import Batch, records_by_length
+
+Array = NDArray[np.float64]
+BODY = RECORD_HEAD_BYTES + 4
+"""Where the CDR body starts in a message record."""
+
+
+class StampedColumns(NamedTuple):
+    """Messages of one frame: its name, stamps in ns, and (messages, numbers)."""
+
+    frame: str
+    stamp_ns: NDArray[np.int64]
+    numbers: Array
+
+
+def stamped_columns(batch: Batch, channel_id: int, count: int) -> Iterator[StampedColumns]:
+    """The messages of a channel by frame: the stamp is at a body's start, ``count`` numbers at its end, however long
+    the name between them is."""
+    for _, rows in records_by_length(batch, channel_id):
+        frames, of_row = np.unique(rows[:, BODY + 8 : -8 * count], axis=0, return_inverse=True)
+        for k, frame in enumerate(frames):
+            length = int.from_bytes(frame[:4].tobytes(), "little")
+            name = frame[4 : 3 + length].tobytes().decode(errors="replace")
+            own = rows[of_row.ravel() == k]
+            seconds = np.ascontiguousarray(own[:, BODY : BODY + 4]).view("<i4")[:, 0].astype(np.int64)
+            nanoseconds = np.ascontiguousarray(own[:, BODY + 4 : BODY + 8]).view("<u4")[:, 0]
+            numbers = np.ascontiguousarray(own[:, -8 * count :]).view("<f8").astype(np.float64)
+            yield StampedColumns(name, seconds * SECOND + nanoseconds, numbers)
+
+
+def temperature_at(
+    t: Array, start_ns: int, joints: Sequence[str], told: Mapping[str, Sequence[StampedColumns]]
+) -> Array | None:
+    """(samples, joints) °C at ``t`` s behind ``start_ns``, of the messages of each joint: between neighbouring ones,
+    and as the nearest beyond them. NaN of joints without; None without any."""
+    result = np.full((len(t), len(joints)), np.nan)
+    for number, joint in enumerate(joints):
+        parts = told.get(joint, ())
+        if parts:
+            stamp_ns = np.concatenate([part.stamp_ns for part in parts])
+            celsius = np.concatenate([part.numbers[:, 0] for part in parts])
+            order = np.argsort(stamp_ns, kind="stable")
+            order = order[np.isfinite(celsius[order])]
+            if len(order):
+                result[:, number] = np.interp(t, (stamp_ns[order] - start_ns) / SECOND, celsius[order])
+    return None if np.isnan(result).all() else result
