@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,24 @@ class Trajectory:
     def _longest_jitter(self) -> float:
         return max(_JITTER_PERIODS / self.rate, _JITTER)
 
+    def rows(self, here: slice) -> Trajectory:
+        """Some samples of all channels."""
+
+        def cut(channel: NDArray[Any] | None) -> NDArray[Any] | None:
+            return None if channel is None else channel[here]
+
+        return replace(
+            self,
+            t=self.t[here],
+            q=self.q[here],
+            tau=self.tau[here],
+            dq=cut(self.dq),
+            ddq=cut(self.ddq),
+            q_desired=cut(self.q_desired),
+            unusable=cut(self.unusable),
+            temperature=cut(self.temperature),
+        )
+
     def _whole(self, commanded: bool) -> NDArray[np.intp]:
         good: NDArray[np.bool_] = np.ones(self.samples, dtype=np.bool_)
         each = np.ones(self.q.shape[1])
@@ -131,19 +150,4 @@ class Trajectory:
 def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     """The samples between two times (s, the trajectory's own), both included."""
     first, last = np.searchsorted(trajectory.t, [begin, end + 0.5 / trajectory.rate])
-    here = slice(max(0, int(first)), max(int(first) + 11, int(last)))
-
-    def cut(channel: Array | None) -> Array | None:
-        return None if channel is None else channel[here]
-
-    return Trajectory(
-        t=trajectory.t[here],
-        q=trajectory.q[here],
-        tau=trajectory.tau[here],
-        dq=cut(trajectory.dq),
-        ddq=cut(trajectory.ddq),
-        q_desired=cut(trajectory.q_desired),
-        name=trajectory.name,
-        unusable=None if trajectory.unusable is None else trajectory.unusable[here],
-        temperature=cut(trajectory.temperature),
-    )
+    return trajectory.rows(slice(max(0, int(first)), max(int(first) + 11, int(last))))

@@ -45,5 +45,6 @@ def coarse(trajectory: Trajectory) -> Trajectory:
         dq=None if trajectory.dq is None else means(trajectory.dq),
         ddq=None,
         q_desired=None,
+        temperature=None if trajectory.temperature is None else means(trajectory.temperature),
         unusable=None if trajectory.unusable is None else means(trajectory.unusable.astype(float)) > 0.0,
     )

@@ -53,7 +53,7 @@ def replay_both(
         count = int(np.searchsorted(trajectory.t - trajectory.t[0], LONGEST - seconds, side="right"))
         if seconds > 0.0 and count < len(trajectory.t):
             break
-        part = first(trajectory, count)
+        part = trajectory.rows(slice(count))
         controller = controller_of(recording, trajectory, extended.body)
         cut = replace(controller, q=controller.q[:count], dq=controller.dq[:count], tau=controller.tau[:count])
         parts.append((part, cut))
@@ -71,23 +71,6 @@ def _error(model: ArmModel, name: str, parts: Sequence[tuple[Trajectory, Trackin
         notes.append(f"the {name} model is not simulated: {error}")
         return None
     return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares), axis=0)))
-
-
-def first(trajectory: Trajectory, count: int) -> Trajectory:
-    """Its first samples."""
-
-    def part(channel: Array | None) -> Array | None:
-        return None if channel is None else channel[:count]
-
-    return replace(
-        trajectory,
-        t=trajectory.t[:count],
-        q=trajectory.q[:count],
-        tau=trajectory.tau[:count],
-        dq=part(trajectory.dq),
-        ddq=part(trajectory.ddq),
-        q_desired=part(trajectory.q_desired),
-    )
 
 
 def controller_of(recording: Recording, trajectory: Trajectory, body: RigidBody) -> Tracking:

@@ -11,7 +11,8 @@ from estimator.plausibility.coarse import coarse
 def fast(rate: float) -> Trajectory:
     t = np.arange(0.0, 2.0, 1.0 / rate)
     q = np.sin(2.0 * np.pi * t)[:, None]
-    return Trajectory(t, q, 3.0 * q, dq=2.0 * np.pi * np.cos(2.0 * np.pi * t)[:, None], unusable=q > 0.9)
+    dq = 2.0 * np.pi * np.cos(2.0 * np.pi * t)[:, None]
+    return Trajectory(t, q, 3.0 * q, dq, unusable=q > 0.9, temperature=20.0 + t[:, None])
 
 
 def test_what_is_slow_is_left_as_it_is() -> None:
@@ -26,6 +27,8 @@ def test_means_of_a_fast_recording() -> None:
     assert np.allclose(thinned.tau, 3.0 * thinned.q)
     assert thinned.unusable is not None
     assert thinned.unusable[thinned.q > 0.91].all()
+    assert thinned.temperature is not None
+    assert np.allclose(thinned.temperature[:, 0], 20.0 + thinned.t)
 
 
 def test_a_block_with_a_gap_or_a_missing_sample_is_missing() -> None:
