@@ -14,8 +14,8 @@ from benchmarks.figure import Figure
 from config import load_installation
 from estimator import RigidBody
 from estimator.arm_model import diagnosed_model
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Diagnosis
 from service.identification.read import ReadRecordings, read_recordings
 from service.models.model_file import model_file, write_model
 from service.practice.inverse_models import load_inverse_model

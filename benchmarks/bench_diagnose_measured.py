@@ -26,7 +26,7 @@ from benchmarks.measured.diagnosed import (
     panda_diagnosed,
 )
 from estimator.convolution import convolve
-from estimator.diagnosis.answer import Diagnosis, Finding
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
 from estimator.filtering import plan_filter
 
 EMPS = {

@@ -16,8 +16,8 @@ from benchmarks.figure import Figure
 from benchmarks.noisy_motion import PERIOD, fourier
 from config.loader import HERE
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 Law = Callable[[Array, Array], Array]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.answer import GEAR, MOTOR, Diagnosis
+from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody

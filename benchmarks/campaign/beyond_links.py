@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.campaign.motions import RATE_HZ
 from benchmarks.campaign.sizing import BAND_HZ, EVERY, Array, Scale, left_by_bodies
 from estimator import RigidBody
-from estimator.diagnosis.tolerance import link_covariance
+from estimator.diagnosis.observed.tolerance import link_covariance
 from estimator.regressor import torque_regressor
 from virtual_hw.hidden import HiddenMechanics
 

@@ -23,10 +23,10 @@ from benchmarks.campaign.sealing import HELD_OUT, write_run
 from benchmarks.campaign.tally import CampaignFigure, wilson
 from config.motion import SampledMotion
 from config.motion.curves import RestToRest
-from estimator.diagnosis.answer import Diagnosis, Finding
+from estimator.diagnosis.deciding.experiment import Experiment, design_experiment
+from estimator.diagnosis.deciding.experiment_motions import ExperimentMotion
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.experiment import Experiment, design_experiment
-from estimator.diagnosis.experiment_motions import ExperimentMotion
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
 from service.answers import finite
 from service.diagnosis.experimenting import between, realised_gap
 from service.diagnosis.json_answer import as_json

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from estimator.diagnosis.answer import Diagnosis, Finding
-from estimator.diagnosis.traces import Signature
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
+from estimator.diagnosis.telling.traces import Signature
 from service.reports.style import ACCENT, finish
 
 PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "causes.png"

@@ -14,10 +14,10 @@ from benchmarks.measured.kinova import kinova
 from benchmarks.measured.kuka import kuka
 from benchmarks.measured.odrive import odrive
 from benchmarks.measured.panda import panda
-from estimator.diagnosis.answer import Diagnosis, Finding
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.drives import judge_drives
 from estimator.diagnosis.gears import judge_gears
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
 
 SLOW_SWEEP = "odrive_slow2_slower_nocomp_0"
 """One turn in 33 s. Faster sweeps begin with a leap back to zero at 80 rad/s, which a cogging torque is nothing to."""

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.diagnosis.answer import Diagnosis, Finding, Residual
 from estimator.diagnosis.diagnose import verdict
-from estimator.diagnosis.grams import total
-from estimator.diagnosis.judging import Judged
-from estimator.diagnosis.torques import plain_blocks, residual_power
-from estimator.diagnosis.traces import signatures, unit_of_channel
-from estimator.diagnosis.unexplained import without_name
+from estimator.diagnosis.evidence.grams import total
+from estimator.diagnosis.evidence.torques import plain_blocks, residual_power
+from estimator.diagnosis.naming.judging import Judged
+from estimator.diagnosis.naming.unexplained import without_name
+from estimator.diagnosis.telling.answer import Diagnosis, Finding, Residual
+from estimator.diagnosis.telling.traces import signatures, unit_of_channel
 
 
 def at_channel(judged: Judged, channel: str) -> Judged:

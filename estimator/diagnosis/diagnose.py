@@ -7,26 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.answer import Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
-from estimator.diagnosis.bent_links import bent
-from estimator.diagnosis.detectable import smallest_detectable
-from estimator.diagnosis.evidence import Evidence, cut, gather
-from estimator.diagnosis.first_body import has_bodies
-from estimator.diagnosis.first_look import standing_throughout
-from estimator.diagnosis.grams import sum_up, total
-from estimator.diagnosis.judging import Judged, judge
-from estimator.diagnosis.noise import Noise
-from estimator.diagnosis.refinement import Refined
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.torques import (
+from estimator.diagnosis.evidence.first_look import standing_throughout
+from estimator.diagnosis.evidence.gathered import Evidence, cut, gather
+from estimator.diagnosis.evidence.grams import sum_up, total
+from estimator.diagnosis.evidence.refinement import Refined
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.evidence.torques import (
     left_out_power,
     plain_blocks,
     residual_power,
     share_of_explainable,
     torque_channels,
 )
-from estimator.diagnosis.traces import Traces, traces
-from estimator.diagnosis.unexplained import SIGNIFICANT, unexplained_by
+from estimator.diagnosis.naming.bent_links import bent
+from estimator.diagnosis.naming.detectable import smallest_detectable
+from estimator.diagnosis.naming.judging import Judged, judge
+from estimator.diagnosis.naming.unexplained import SIGNIFICANT, unexplained_by
+from estimator.diagnosis.observed.first_body import has_bodies
+from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.telling.answer import Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.telling.traces import Traces, traces
 from estimator.differences import with_speeds_of_their_own
 from estimator.rigid_body import RigidBody
 from estimator.trajectory import Trajectory

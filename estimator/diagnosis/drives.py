@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.convolution import convolve
-from estimator.diagnosis.answer import MOTOR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
-from estimator.diagnosis.design import Design, Hypothesis, linkless_design
-from estimator.diagnosis.evidence import Evidence, weighed
-from estimator.diagnosis.judging import Judged, judge
-from estimator.diagnosis.maps import MAPS
-from estimator.diagnosis.noise import ORDER
-from estimator.diagnosis.stretches import (
+from estimator.diagnosis.evidence.design import Design, Hypothesis, linkless_design
+from estimator.diagnosis.evidence.gathered import Evidence, weighed
+from estimator.diagnosis.evidence.maps import MAPS
+from estimator.diagnosis.naming.judging import Judged, judge
+from estimator.diagnosis.observed.noise import ORDER
+from estimator.diagnosis.observed.stretches import (
     KINEMATIC,
     Channel,
     Grid,
@@ -33,7 +32,8 @@ from estimator.diagnosis.stretches import (
     temperatures_at,
     told_by,
 )
-from estimator.diagnosis.tolerance import timing_precision
+from estimator.diagnosis.observed.tolerance import timing_precision
+from estimator.diagnosis.telling.answer import MOTOR, Diagnosis
 from estimator.effects import Place, Scales, Signals, catalogue
 from estimator.filtering import plan_filter, resample
 from estimator.repeats import find_repeats

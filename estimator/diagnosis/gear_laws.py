@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.maps import MEMORY, Map
+from estimator.diagnosis.evidence.maps import MEMORY, Map
 from estimator.effects import Law, Parameters, Place, Scales, Signals
 from estimator.effects.signals import averaged_sign
 from estimator.effects.transport_delay import DELAYS

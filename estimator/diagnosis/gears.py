@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.convolution import convolve
-from estimator.diagnosis.answer import GEAR, Diagnosis
 from estimator.diagnosis.beside import at_channel, put_beside, residuals
-from estimator.diagnosis.design import Design, Hypothesis, linkless_design
-from estimator.diagnosis.evidence import Evidence, weighed
+from estimator.diagnosis.evidence.design import Design, Hypothesis, linkless_design
+from estimator.diagnosis.evidence.gathered import Evidence, weighed
 from estimator.diagnosis.gear_laws import gear_laws
-from estimator.diagnosis.grains import repeated_white
-from estimator.diagnosis.judging import Judged, judge
-from estimator.diagnosis.noise import ORDER
-from estimator.diagnosis.stretches import (
+from estimator.diagnosis.naming.judging import Judged, judge
+from estimator.diagnosis.observed.grains import repeated_white
+from estimator.diagnosis.observed.noise import ORDER
+from estimator.diagnosis.observed.stretches import (
     KINEMATIC,
     Channel,
     Grid,
@@ -33,7 +32,8 @@ from estimator.diagnosis.stretches import (
     make_grid,
     told_by,
 )
-from estimator.diagnosis.tolerance import timing_precision
+from estimator.diagnosis.observed.tolerance import timing_precision
+from estimator.diagnosis.telling.answer import GEAR, Diagnosis
 from estimator.effects import Scales, Signals
 from estimator.filtering import plan_filter, resample
 from estimator.repeats import find_repeats

@@ -36,7 +36,7 @@ class Transmission:
     @classmethod
     def of(cls, signals: Signals, joint: int, share: float, side: float) -> Transmission:
         """``share`` of the joint's own inertia in the model, of its mean along the motion, is the motor's."""
-        # A body that was fitted (`estimator.diagnosis.first_body`) may have a negative one: nothing swings on that.
+        # A body that was fitted (`observed.first_body`) may have a negative one: nothing swings on that.
         inertia = signals.sensitivity[2][:, joint, joint]
         motor = share * max(float(np.mean(inertia)), 0.0)
         torque = signals.tau_rigid[:, joint] - motor * signals.ddq[:, joint]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.base_parameters import BaseParameters
-from estimator.diagnosis.tolerance import base_precision
+from estimator.diagnosis.observed.tolerance import base_precision
 from estimator.plausibility.snapshot import ORDERS, TERMS, Snapshot, friction_terms, rms
 from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody

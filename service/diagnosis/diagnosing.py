@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator.arm_model import ArmModel, diagnosed_model
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.drives import with_drives
 from estimator.diagnosis.gears import with_gears
+from estimator.diagnosis.telling.answer import Diagnosis
 from estimator.plausibility import missing_motions
 from service.diagnosis.experimenting import next_experiment, realised_gap
 from service.diagnosis.json_answer import as_json

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from config import InputError
-from estimator.diagnosis.answer import Diagnosis, Finding
-from estimator.diagnosis.experiment import Experiment, design_experiment
-from estimator.diagnosis.experiment_motions import ExperimentMotion
+from estimator.diagnosis.deciding.experiment import Experiment, design_experiment
+from estimator.diagnosis.deciding.experiment_motions import ExperimentMotion
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
 from estimator.effects import Place
 from service.diagnosis.experiment_limits import limits_and_home
 from service.diagnosis.json_answer import experiment

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.diagnosis.answer import Diagnosis, Finding, Quantity, Residual
+from estimator.diagnosis.telling.answer import Diagnosis, Finding, Quantity, Residual
 from estimator.effects import Place
 from service.diagnosis.sentences import sentence_of, summary
 

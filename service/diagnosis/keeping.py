@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from config import InputError
-from estimator.diagnosis.answer import Diagnosis
+from estimator.diagnosis.telling.answer import Diagnosis
 from service.answers import finite
 from service.diagnosis.traces_file import TRACES, load_traces, save_traces
 from service.reports.diagnosis_page import diagnosis_page

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimator.diagnosis.answer import GEAR, MOTOR, Diagnosis, Finding, Quantity
+from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis, Finding, Quantity
 from estimator.effects import Place
 
 FEW = 5

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from config import InputError
-from estimator.diagnosis.traces import Signature, Traces
+from estimator.diagnosis.telling.traces import Signature, Traces
 
 TRACES = "traces.npz"
 _ARRAYS = ("t", "before", "after", "noise")

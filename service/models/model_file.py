@@ -19,8 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from config import InputError
 from config.text_file import read_text
 from estimator.arm_model import ArmModel, FittedEffect, identified_model
-from estimator.diagnosis.design import Hypothesis
-from estimator.diagnosis.quantities import unit_of
+from estimator.diagnosis.evidence.design import Hypothesis
+from estimator.diagnosis.telling.quantities import unit_of
 from estimator.effects import Effect, Parameters, Place, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody, load_rigid_body

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.traces import Signature, Traces
+from estimator.diagnosis.telling.traces import Signature, Traces
 from service.reports.inline_figure import ACCENT, INK, MUTED, axes_of, svg
 from service.reports.page import Html
 

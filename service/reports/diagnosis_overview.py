@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.diagnosis.answer import Quantity
+from estimator.diagnosis.telling.answer import Quantity
 from service.diagnosis.sentences import effect_text, quantity_text, share_text
 from service.reports.page import Html, badge, element, html, section, table
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from estimator.diagnosis.traces import Traces
+from estimator.diagnosis.telling.traces import Traces
 from service.diagnosis.sentences import FEW, share_text
 from service.reports.diagnosis_experiments import experiments_section, open_question
 from service.reports.diagnosis_figures import alternatives_figure, residual_figure, signature_figure

@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.admission import Admission
-from estimator.diagnosis.contest import Contest, contest
-from estimator.diagnosis.drives_off import OffReading
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.experiment import PLAYINGS, UNDECIDED, Experiment, design_experiment
-from estimator.diagnosis.experiment_motions import ExperimentMotion, family
-from estimator.diagnosis.rivals import AMBIGUOUS, rivals
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.turning import Turning, standing
+from estimator.diagnosis.deciding.contest import Contest, contest
+from estimator.diagnosis.deciding.experiment import PLAYINGS, UNDECIDED, Experiment, design_experiment
+from estimator.diagnosis.deciding.experiment_motions import ExperimentMotion, family
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.rivals import AMBIGUOUS, rivals
+from estimator.diagnosis.observed.drives_off import OffReading
+from estimator.diagnosis.observed.turning import Turning, standing
 from estimator.effects import Parameters, Place, Signals, effect
 from estimator.excitation import MotionLimits
 

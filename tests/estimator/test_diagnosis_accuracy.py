@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from config import load_installation
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.tolerance import base_precision
+from estimator.diagnosis.observed.tolerance import base_precision
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 Diagnoser = Callable[..., Diagnosis]

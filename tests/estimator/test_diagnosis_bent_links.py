@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import judging
-from estimator.diagnosis.answer import Finding
-from estimator.diagnosis.bent_links import bent
-from estimator.diagnosis.contest import contest
+from estimator.diagnosis.deciding.contest import contest
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import cut, gather
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.stretches import make_grid
+from estimator.diagnosis.evidence.gathered import cut, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming import judging
+from estimator.diagnosis.naming.bent_links import bent
+from estimator.diagnosis.observed.stretches import make_grid
+from estimator.diagnosis.telling.answer import Finding
 
 Array = NDArray[np.float64]
 ORDER, AMPLITUDE = 4.0, 0.1

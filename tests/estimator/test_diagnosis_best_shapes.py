@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.search import Search
+from estimator.diagnosis.telling.answer import Finding
 from estimator.kinematics import tip_jacobian
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.judging import _beyond_nothing, _refined
-from estimator.diagnosis.plainer import fitted
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.judging import _beyond_nothing, _refined
+from estimator.diagnosis.naming.plainer import fitted
 
 
 def test_a_cause_within_three_standard_errors_of_nothing_falls(

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.admission import Admission
-from estimator.diagnosis.borne_out import BORNE_OUT, in_errors, one_shows
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.borne_out import BORNE_OUT, in_errors, one_shows
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.admission import Admission
 
 
 @pytest.mark.parametrize(

@@ -10,16 +10,16 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import unexplained
-from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.lack_of_fit import Misfit
-from estimator.diagnosis.plainer import told_once, without_menders
-from estimator.diagnosis.refinement import fitted
-from estimator.diagnosis.rivals import AMBIGUOUS, Alternative, rivals, told_as
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.refinement import fitted
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming import unexplained
+from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.lack_of_fit import Misfit
+from estimator.diagnosis.naming.plainer import told_once, without_menders
+from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative, rivals, told_as
+from estimator.diagnosis.naming.search import Search
 
 Array = NDArray[np.float64]
 Friction = Callable[[Array, Array], Array]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 Late = Callable[..., Diagnosis]

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.detectable import smallest_detectable
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.detectable import smallest_detectable
 
 Array = NDArray[np.float64]
 

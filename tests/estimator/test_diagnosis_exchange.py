@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.accuracy import other_errors
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.exchange import exchange
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.evidence.exchange import exchange
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.accuracy import other_errors
+from estimator.diagnosis.naming.search import Search
 
 Array = NDArray[np.float64]
 Periodic = Callable[..., tuple[Array, Array, Array, Array]]

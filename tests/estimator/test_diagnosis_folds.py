@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.folds import Folds, folds_of, motions, parts_of
-from estimator.diagnosis.grams import Block
-from estimator.diagnosis.torques import share_of_explainable
+from estimator.diagnosis.evidence.folds import Folds, folds_of, motions, parts_of
+from estimator.diagnosis.evidence.grams import Block
+from estimator.diagnosis.evidence.torques import share_of_explainable
 from estimator.repeats import Occurrence, RepeatGroup
 
 NONE: list[NDArray[np.float64]] = []

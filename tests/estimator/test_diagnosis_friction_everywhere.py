@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.maps import MEMORY, Map
-from estimator.diagnosis.rivals import AMBIGUOUS
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.maps import MEMORY, Map
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.rivals import AMBIGUOUS
 
 Array = NDArray[np.float64]
 Law = Callable[[Array, Array, Array], Array]

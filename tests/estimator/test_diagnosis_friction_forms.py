@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.answer import Finding
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Finding
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]

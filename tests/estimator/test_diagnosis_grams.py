@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.grams import Block, Sheet, part_of, total, total_anew
-from estimator.diagnosis.stretches import Channel
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.grams import Block, Sheet, part_of, total, total_anew
+from estimator.diagnosis.observed.stretches import Channel
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.rivals import AMBIGUOUS
+from estimator.diagnosis.naming.rivals import AMBIGUOUS
+from estimator.diagnosis.telling.answer import Diagnosis
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]

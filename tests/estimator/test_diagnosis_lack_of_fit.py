@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.lack_of_fit import _DEPTHS, Misfit, _forms_of, _surprise, misfits
-from estimator.diagnosis.maps import smoothest_first, stops
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.maps import smoothest_first, stops
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.lack_of_fit import _DEPTHS, Misfit, _forms_of, _surprise, misfits
 
 Array = NDArray[np.float64]
 Record = Callable[[Callable[[Array], Array]], list[Trajectory]]

@@ -11,12 +11,12 @@ from scipy.stats import multivariate_normal
 
 from estimator import RigidBody
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.conditional import Conditional
-from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.grams import Block, total, without_each
-from estimator.diagnosis.left_out import gains_carried_over, gains_left_out, log_evidence, unit_information
-from estimator.diagnosis.stretches import Channel
-from estimator.diagnosis.weighted import Weighted
+from estimator.diagnosis.evidence.conditional import Conditional
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.grams import Block, total, without_each
+from estimator.diagnosis.evidence.left_out import gains_carried_over, gains_left_out, log_evidence, unit_information
+from estimator.diagnosis.evidence.weighted import Weighted
+from estimator.diagnosis.observed.stretches import Channel
 
 Array = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from scipy.optimize import nnls
 
 from estimator import RigidBody
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.conditional import within_limits
-from estimator.diagnosis.design import Candidate, Design
-from estimator.diagnosis.grams import Block
-from estimator.diagnosis.judging import _beyond_nothing
-from estimator.diagnosis.plainer import _as_named
-from estimator.diagnosis.stretches import Channel
-from estimator.diagnosis.weighted import Weighted
+from estimator.diagnosis.evidence.conditional import within_limits
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.grams import Block
+from estimator.diagnosis.evidence.weighted import Weighted
+from estimator.diagnosis.naming.judging import _beyond_nothing
+from estimator.diagnosis.naming.plainer import _as_named
+from estimator.diagnosis.observed.stretches import Channel
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.assumed_noise import assumed_noise
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.noise import (
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.observed.assumed_noise import assumed_noise
+from estimator.diagnosis.observed.noise import (
     ASSUMED_ORDER,
     ORDER,
     WIDENED,
@@ -23,8 +23,8 @@ from estimator.diagnosis.noise import (
     density_of,
     with_density,
 )
-from estimator.diagnosis.repetition import Laid, playings, repeated_noise
-from estimator.diagnosis.stretches import Channel, Grid
+from estimator.diagnosis.observed.repetition import Laid, playings, repeated_noise
+from estimator.diagnosis.observed.stretches import Channel, Grid
 from estimator.repeats import Occurrence, RepeatGroup
 
 ROWS = 480

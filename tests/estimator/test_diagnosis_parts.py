@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from estimator import Trajectory
-from estimator.diagnosis.bounded import bounded_gains
-from estimator.diagnosis.grains import counts, repeated_white
-from estimator.diagnosis.maps import hats
-from estimator.diagnosis.noise import ORDER, autocovariance, autoregressive, whitened_variance
-from estimator.diagnosis.repetition import repeated_noise
+from estimator.diagnosis.evidence.bounded import bounded_gains
+from estimator.diagnosis.evidence.maps import hats
+from estimator.diagnosis.observed.grains import counts, repeated_white
+from estimator.diagnosis.observed.noise import ORDER, autocovariance, autoregressive, whitened_variance
+from estimator.diagnosis.observed.repetition import repeated_noise
 from estimator.repeats import find_repeats
 
 Array = NDArray[np.float64]

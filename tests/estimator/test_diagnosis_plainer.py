@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.judging import _beside_what_was_told
-from estimator.diagnosis.plainer import _with_what_fell, fitted, not_taken_back
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.judging import _beside_what_was_told
+from estimator.diagnosis.naming.plainer import _with_what_fell, fitted, not_taken_back
+from estimator.diagnosis.naming.search import Search
 
 Array = NDArray[np.float64]
 RUBS = ("coulomb_friction", 0), ("viscous_friction", 0), ("coulomb_friction", 1), ("viscous_friction", 1)

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.plainer import fitted
-from estimator.diagnosis.ringing import ringing
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.plainer import fitted
+from estimator.diagnosis.naming.ringing import ringing
 
 Array = NDArray[np.float64]
 NOISE = 0.2

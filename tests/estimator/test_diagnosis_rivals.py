@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.base_parameters import base_parameters
-from estimator.diagnosis.conditional import Conditional
-from estimator.diagnosis.design import Candidate, Design
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.grams import Block
-from estimator.diagnosis.rivals import AMBIGUOUS
-from estimator.diagnosis.stretches import Channel
-from estimator.diagnosis.typical import against_typical
-from estimator.diagnosis.weighted import Weighted
+from estimator.diagnosis.evidence.conditional import Conditional
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.grams import Block
+from estimator.diagnosis.evidence.typical import against_typical
+from estimator.diagnosis.evidence.weighted import Weighted
+from estimator.diagnosis.naming.rivals import AMBIGUOUS
+from estimator.diagnosis.observed.stretches import Channel
 from estimator.effects import catalogue
 
 Array = NDArray[np.float64]

@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis import judging, search, sharpening
-from estimator.diagnosis.accuracy import Searched, searched
-from estimator.diagnosis.admission import Admission
-from estimator.diagnosis.evidence import Evidence, gather
-from estimator.diagnosis.plainer import fitted, simpler
-from estimator.diagnosis.rivals import AMBIGUOUS, Alternative
-from estimator.diagnosis.scores import Scores
-from estimator.diagnosis.search import Search
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming import judging, search, sharpening
+from estimator.diagnosis.naming.accuracy import Searched, searched
+from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.plainer import fitted, simpler
+from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative
+from estimator.diagnosis.naming.search import Search
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.admission import Admission
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.plainer import without_menders
-from estimator.diagnosis.refinement import fitted
-from estimator.diagnosis.scores import Scores
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.refinement import fitted
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.plainer import without_menders
 
 Array = NDArray[np.float64]
 Play = Callable[..., list[Trajectory]]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator import RigidBody, Trajectory, identify_links, inverse_dynamics
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array, Array]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.evidence import gather
-from estimator.diagnosis.noise import ORDER, Noise
-from estimator.diagnosis.turning import factor, most_likely, near_turns, settled
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.observed.noise import ORDER, Noise
+from estimator.diagnosis.observed.turning import factor, most_likely, near_turns, settled
 from estimator.filtering import Decimator
 
 Array = NDArray[np.float64]

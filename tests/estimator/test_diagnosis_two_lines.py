@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from config import InputError
 from estimator import RigidBody, Trajectory, inverse_dynamics
-from estimator.diagnosis.answer import Diagnosis
 from estimator.diagnosis.diagnose import diagnose
-from estimator.diagnosis.drives_off import read_off
-from estimator.diagnosis.evidence import gather
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.observed.drives_off import read_off
+from estimator.diagnosis.telling.answer import Diagnosis
 
 Array = NDArray[np.float64]
 RATE = 250.0

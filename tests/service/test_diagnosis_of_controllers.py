@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.bench_controllers import JOINT, MOTION, diagnosed
-from estimator.diagnosis.answer import Diagnosis
+from estimator.diagnosis.telling.answer import Diagnosis
 from service import outcomes
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from estimator.diagnosis.answer import Diagnosis, Finding, HeldOut, Quantity, Residual, Unexplained, Verdict
-from estimator.diagnosis.traces import Traces
+from estimator.diagnosis.telling.answer import Diagnosis, Finding, HeldOut, Quantity, Residual, Unexplained, Verdict
+from estimator.diagnosis.telling.traces import Traces
 from estimator.effects import Place
 from service.diagnosis.json_answer import as_json
 from service.diagnosis.sentences import sentence_of, share_text, summary

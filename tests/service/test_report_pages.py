@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from config import InputError
-from estimator.diagnosis.traces import Signature, Traces
+from estimator.diagnosis.telling.traces import Signature, Traces
 from service.cli.entry import run
 from service.diagnosis.keeping import ANSWER, PAGE
 from service.diagnosis.traces_file import TRACES, load_traces, save_traces

@@ -1,0 +1,1 @@
+"""Which causes are named: searched for, sharpened, held against their rivals, and left out again."""
