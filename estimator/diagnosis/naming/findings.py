@@ -13,8 +13,8 @@ from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.refinement import Refined
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.accuracy import Searched
+from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
-from estimator.diagnosis.naming.search import Cause
 from estimator.diagnosis.telling.answer import Alternative, Finding, Quantity
 from estimator.diagnosis.telling.quantities import quantities
 from estimator.rigid_body import RigidBody

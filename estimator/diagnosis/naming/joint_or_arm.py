@@ -16,8 +16,8 @@ from estimator.diagnosis.evidence.design import Hypothesis
 from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative
-from estimator.diagnosis.naming.search import Cause
 from estimator.diagnosis.naming.slow_forms import worth
 from estimator.effects import Place
 

@@ -14,13 +14,14 @@ from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.accuracy import Searched, searched
 from estimator.diagnosis.naming.bent_links import with_bent_links
+from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.findings import finding
 from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
 from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
-from estimator.diagnosis.naming.search import Cause, Search
+from estimator.diagnosis.naming.search import Search
 from estimator.diagnosis.naming.sharpening import WORTH, sharpened
 from estimator.diagnosis.naming.slow_forms import beside_two_lines, of_one_form, of_two_lines
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, VISIBLE

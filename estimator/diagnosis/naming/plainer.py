@@ -12,9 +12,10 @@ from estimator.diagnosis.evidence.forms import FORM, of_form
 from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.causes import Cause, judged
 from estimator.diagnosis.naming.lack_of_fit import left_to_see
 from estimator.diagnosis.naming.rivals import AMBIGUOUS, made_with, told_as
-from estimator.diagnosis.naming.search import Cause, Search
+from estimator.diagnosis.naming.search import Search
 from estimator.diagnosis.naming.sharpening import WORTH
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT
 from estimator.effects import Law, catalogue
@@ -56,7 +57,7 @@ def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refi
     for candidate in tuple(chosen):
         own = _as_named(refined, chosen.index(candidate)) if candidate in chosen else np.inf
         bends = bool(scores.hypothesis(candidate).effect.forms) and np.isfinite(own)
-        special = search.special(candidate, chosen) if own <= SIGNIFICANT or bends else []
+        special = search.specials.of(candidate, chosen) if own <= SIGNIFICANT or bends else []
         if not special:
             continue
         trial = search.ordered(search.pruned(special))
@@ -80,7 +81,7 @@ def not_taken_back(
         if not {wide, other} <= set(chosen) or scores.hypothesis(other).place != place:
             continue
         alone = [k for k in chosen if k != other]
-        plain = [] if search.admission.contained(other, wide) else search.special(wide, alone)
+        plain = [] if search.admission.contained(other, wide) else search.specials.of(wide, alone)
         if not plain or other in plain or max(map(scores.support, (alone, [*plain, other]))) > scores.support(plain):
             continue
         if of_form(scores.model(chosen), scores.model(plain)) < FORM * scores.nats_there(wide, chosen):
@@ -99,7 +100,7 @@ def without_menders(
     once = [k for n, k in enumerate(chosen) if scores.recurs(k) or not _stands_before(scores, chosen[:n], k)]
     if once != chosen:
         chosen, refined = once, fitted(evidence, scores, once)
-    causes = search.judged(chosen)
+    causes = judged(search.admission, chosen)
     alternatives = {cause.candidate: cause.alternatives for cause in causes}
     for cause, own in zip(causes, refined.design.candidates, strict=True):
         below = scores.hypothesis(cause.candidate).effect.mends_below
@@ -107,7 +108,7 @@ def without_menders(
             continue
         others = [k for k in chosen if k != cause.candidate]
         plainer = [k for k in others if _stands_for_the_same(search, k, cause.candidate)]
-        instead = others if plainer else search.special(cause.candidate, chosen)
+        instead = others if plainer else search.specials.of(cause.candidate, chosen)
         if not instead:
             continue
         shaped = fitted(evidence, scores, instead)
@@ -118,7 +119,7 @@ def without_menders(
                 alternatives[plain] = told_as(search.admission, cause.candidate, chosen, plain, cause.alternatives)
             # A wider law that stood in the plainer one's place may have been no more than a form of it either.
             for wide in plainer:
-                trial = search.special(wide, instead)
+                trial = search.specials.of(wide, instead)
                 if not trial:
                     continue
                 fewer = fitted(evidence, scores, trial)
@@ -129,7 +130,7 @@ def without_menders(
     chosen, refined = _with_what_fell(evidence, search, chosen, refined)
     if (lines := _standing_out(search, chosen)) != chosen:
         chosen, refined = lines, fitted(evidence, scores, lines)
-    return _agreed(scores, search.judged(chosen, alternatives)), refined
+    return _agreed(scores, judged(search.admission, chosen, alternatives)), refined
 
 
 def _with_what_fell(

@@ -2,57 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 from estimator.diagnosis.evidence.borne_out import BORNE_OUT
-from estimator.diagnosis.evidence.design import Candidate
-from estimator.diagnosis.evidence.forms import forms_of, read_apart
+from estimator.diagnosis.evidence.forms import forms_of
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.admission import INSTEAD, Admission
 from estimator.diagnosis.naming.lack_of_fit import left_to_see
-from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative, rivals
-from estimator.effects import Law
+from estimator.diagnosis.naming.rivals import AMBIGUOUS, rivals
+from estimator.diagnosis.naming.special_cases import SpecialCases
 
 _MOST_CAUSES_A_JOINT = 5
 _TRIED = 4
 """Hypotheses that a step tries before it gives up, beside those that explain errors alone."""
-_EXACT = 2e-4
-"""Of what the laws of a place explain: the form of none is exact to less than a seventieth of its torque."""
 _TURNS = 3
 """Times that the walk goes on after a cause has fallen: what it stood for may have another name."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A candidate that was chosen, with its evidence given all others that were."""
-
-    candidate: int
-    gain: float
-    """Log-likelihood that is lost without it."""
-    false_alarm: float
-    held_out: float
-    """Log-likelihood gained on blocks left out, in standard errors."""
-    alternatives: tuple[Alternative, ...] = ()
-
-    def beside(self, other: Alternative, scores: Scores) -> Cause:
-        """The cause with one more alternative that is as good, in the place of a farther one of its law."""
-        same = [a for a in self.alternatives if scores.owner[a.candidate] == scores.owner[other.candidate]]
-        if other.gap >= min((a.gap for a in same), default=AMBIGUOUS):
-            return self
-        told = [*(a for a in self.alternatives if a not in same), other]
-        return replace(self, alternatives=tuple(sorted(told, key=lambda one: one.gap)))
-
-
-def _made_of(effect: Law) -> Iterator[tuple[str, ...]]:
-    """The names of effects that could stand for one together: some that it contains, alone or with what it is made
-    with."""
-    names = effect.contains
-    for count in range(1, len(names) + 1):
-        for some in combinations(names, count):
-            yield some
-            yield from ((*some, other) for other in effect.made_with)
 
 
 class Search:
@@ -62,6 +27,7 @@ class Search:
         self.scores = scores
         self.design = scores.design
         self.admission = Admission(scores)
+        self.specials = SpecialCases(self.admission)
         self._fallen: set[int] = set()
         """Hypotheses that were taken and did not improve what is predicted of rows left out."""
 
@@ -96,13 +62,6 @@ class Search:
             most[self._joint(k)] = max(lost[k], most.get(self._joint(k), 0.0))
         return sorted(chosen, key=lambda k: (-most[self._joint(k)], -lost[k]))
 
-    def judged(
-        self, chosen: Sequence[int], alternatives: Mapping[int, tuple[Alternative, ...]] | None = None
-    ) -> list[Cause]:
-        """These candidates with their evidence beside each other; ``alternatives`` of those that are told already."""
-        told = alternatives or {}
-        return [self._judged(k, list(chosen), told.get(k)) for k in chosen]
-
     def _grown(self, chosen: list[int]) -> list[int]:
         """With one more cause after the other, as long as any is supported."""
         self.scores.reweigh(chosen)
@@ -132,7 +91,7 @@ class Search:
             elif self.admission.recurs(candidate, chosen):
                 tries -= 1
                 grown = [*chosen, self._sooner(candidate, refused, chosen)]
-                yield self.pruned(self._merged(self._simplified(grown), self._joint(candidate)))
+                yield self.pruned(self._merged(self.specials.simplified(grown), self._joint(candidate)))
 
     def _sooner(self, admitted: int, refused: Sequence[int], chosen: list[int]) -> int:
         """A better supported cause of the same place that a little more chance would have been let in for, or the one
@@ -140,52 +99,6 @@ class Search:
         place = self.scores.hypothesis(admitted).place
         here = (k for k in refused if self.scores.hypothesis(k).place == place)
         return next((k for k in here if self.admission.admitted(k, chosen, INSTEAD)), admitted)
-
-    def _simplified(self, chosen: list[int]) -> list[int]:
-        """Replaces an effect by special cases of it, or by what it can be made with, when they are as well
-        supported."""
-        for k in chosen:
-            trial = self.special(k, chosen)
-            if trial and self.scores.support(trial) > self.scores.support(chosen):
-                chosen = trial
-        return chosen
-
-    def special(self, candidate: int, chosen: list[int]) -> list[int]:
-        """The best supported special cases in the place of a cause, beside the others that were ``chosen``; empty where
-        there are none. Friction that falls as the speed rises is none that is dry and viscous, whose slope would be
-        negative."""
-        hypothesis, others = self.scores.hypothesis(candidate), [c for c in chosen if c != candidate]
-        made = (self._parts(some, self.design.candidates[candidate], others) for some in _made_of(hypothesis.effect))
-        ranked = sorted(([*others, *parts] for parts in made if parts), key=self.scores.support, reverse=True)
-        return next((trial for trial in ranked if set(trial[len(others) :]).isdisjoint(self._beyond(trial))), [])
-
-    def _beyond(self, chosen: list[int]) -> list[int]:
-        """Of the chosen, those beyond their limits by more than their error."""
-        return self.admission.beyond_limits(chosen, slack=1.0)
-
-    def _parts(self, names: Sequence[str], candidate: Candidate, others: Sequence[int]) -> list[int]:
-        """The candidates of these effects at the same place that add most to the others, each beside the rest of them:
-        how sharp a Coulomb friction's sign is shows only beside the viscous one. None of those that are chosen there
-        already, but at another shape: how a joint turns round, no single one may tell. Empty where there are none."""
-        parts: dict[str, int] = {}
-        for name in names if len(names) == 1 else (*names, *names):
-            rest = [*others, *(part for own, part in parts.items() if own != name)]
-            best = self._best_of(name, candidate, rest)
-            if best is None or best in others:
-                return []
-            parts[name] = best
-        return list(parts.values())
-
-    def _best_of(self, name: str, candidate: Candidate, others: Sequence[int]) -> int | None:
-        """The candidate of the named effect at the same place that adds most to the others."""
-        place = self.design.hypotheses[candidate.hypothesis].place
-        same = [
-            k
-            for k, other in enumerate(self.design.candidates)
-            if (h := self.design.hypotheses[other.hypothesis]).effect.name == name and h.place == place
-        ]
-        gains = self.scores.gains(others)
-        return max(same, key=lambda k: gains[k] - self.scores.penalty([k]), default=None)
 
     def _merged(self, chosen: list[int], joint: int | None) -> list[int]:
         """One effect in place of several at this joint, where that is better supported."""
@@ -236,7 +149,7 @@ class Search:
     def pruned(self, chosen: list[int]) -> list[int]:
         """Without causes that the others have made superfluous or impossible, the least supported first, and without
         what is left in the place of an offset that was read otherwise."""
-        while wrong := self._beyond(chosen):
+        while wrong := self.specials.beyond(chosen):
             chosen = self._possible(chosen, wrong[0])
         left = self._without_superfluous(chosen, least=0.0)
         return [k for k in left if not self.admission.read_otherwise(k, [c for c in left if c != k])]
@@ -258,9 +171,9 @@ class Search:
         not there of the other."""
         place = self.scores.hypothesis(beyond).place
         trials = [[c for c in chosen if c != k] for k in chosen if self.scores.hypothesis(k).place == place]
-        if special := self.special(beyond, chosen):
+        if special := self.specials.of(beyond, chosen):
             trials.append(special)
-        allowed = [t for t in trials if beyond not in t or beyond not in self._beyond(t)]
+        allowed = [t for t in trials if beyond not in t or beyond not in self.specials.beyond(t)]
         return max(allowed, key=self.scores.support)
 
     def _swapped(self, chosen: list[int]) -> list[int]:
@@ -275,7 +188,7 @@ class Search:
                 better = [r for r in better if self.admission.admitted(r, others)]
                 best = max(better, key=lambda c: self.scores.support([*others, c]), default=k)
                 if self.scores.support([*others, best]) > self.scores.support(chosen):
-                    chosen = self._simplified([*others, best])
+                    chosen = self.specials.simplified([*others, best])
             if set(before) == set(chosen):
                 break
         return chosen
@@ -308,33 +221,3 @@ class Search:
             # One after the other: of two that tell the same, each alone is a trifle beside the other.
             chosen = [c for c in chosen if self.scores.owner[c] != self.scores.owner[least]]
         return chosen
-
-    def _judged(self, candidate: int, chosen: list[int], alternatives: tuple[Alternative, ...] | None) -> Cause:
-        others = [c for c in chosen if c != candidate]
-        own = int(self.scores.owner[candidate])
-        gain = next((row[1] for row in self.scores.ranked(others) if self.scores.owner[row[0]] == own), 0.0)
-        false_alarm = self.scores.chance.false_alarm(own, gain)
-        held_out = self.scores.held_out(candidate, others)
-        if alternatives is None:
-            # A rival that fits better and was not admitted is no better than the cause.
-            near = [Alternative(r.candidate, max(r.gap, 0.0)) for r in rivals(self.admission, candidate, chosen)]
-            near = self._with_special(candidate, chosen, near)
-            alternatives = tuple(a for a in near if self._named(a.candidate))
-        return Cause(candidate, gain, false_alarm, held_out, alternatives)
-
-    def _with_special(self, candidate: int, chosen: list[int], near: list[Alternative]) -> list[Alternative]:
-        """The alternatives of a cause, nearest first: its special cases are as far behind as all of them together,
-        beyond what the form of none of them is exact to, unless the drives tell them apart while they are off."""
-        special = self.special(candidate, chosen)
-        if not special:
-            return near
-        read = read_apart(self.scores.model(chosen), self.scores.model(special))
-        inexact = 0.0 if read else _EXACT * self.scores.nats_there(candidate, chosen)
-        behind = max(self.scores.support(chosen) - self.scores.support(special) - inexact, 0.0)
-        own = {int(self.scores.owner[k]): Alternative(k, behind) for k in special if k not in chosen}
-        anew = (min(a, own.get(int(self.scores.owner[a.candidate]), a), key=lambda one: one.gap) for a in near)
-        return sorted(anew, key=lambda one: one.gap)
-
-    def _named(self, candidate: int) -> bool:
-        """Whether things of its name have its shape."""
-        return self.scores.hypothesis(candidate).effect.known(self.design.candidates[candidate].theta)

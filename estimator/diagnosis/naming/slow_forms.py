@@ -12,8 +12,8 @@ from estimator.diagnosis.evidence.forms import FORM
 from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative
-from estimator.diagnosis.naming.search import Cause
 from estimator.effects import Place
 
 _PERIODS = 6.0

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.evidence.gathered import Evidence, gather
 from estimator.diagnosis.evidence.scores import Scores
-from estimator.diagnosis.naming import judging, search, sharpening
+from estimator.diagnosis.naming import causes, judging, sharpening
 from estimator.diagnosis.naming.accuracy import Searched, searched
 from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.causes import judged
 from estimator.diagnosis.naming.plainer import fitted, simpler
 from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative
 from estimator.diagnosis.naming.search import Search
@@ -96,7 +97,7 @@ def test_what_is_remembered_is_forgotten_at_other_weights(scores: Scores) -> Non
 
 def test_friction_of_both_joints_is_found_with_motions_left_out(scores: Scores) -> None:
     found, search = set(), Search(scores)
-    for cause in search.judged(search.run()):
+    for cause in judged(search.admission, search.run()):
         assert cause.held_out > 1.64
         hypothesis = scores.hypothesis(cause.candidate)
         found.add(hypothesis.place.joint)
@@ -183,7 +184,7 @@ def test_what_a_law_contains_is_an_alternative_as_all_of_it_together_is(
     """A friction that is the same both ways, and one that grows more than twice as much with speed one way."""
     for own, near in ((evidence, True), (record(0.6), False)):
         scores = Scores(own.design, own.blocks, own.folds)
-        for cause in Search(scores).judged(best_of_each_joint(scores, "asymmetric_friction")):
+        for cause in judged(Search(scores).admission, best_of_each_joint(scores, "asymmetric_friction")):
             place = scores.hypothesis(cause.candidate).place
             told = [(scores.hypothesis(a.candidate), a.gap) for a in cause.alternatives]
             gaps = {h.effect.name: gap for h, gap in told if h.place == place}
@@ -247,8 +248,8 @@ def test_a_shape_that_no_thing_of_its_name_has_is_no_alternative(
     def both(*_: object) -> list[Alternative]:
         return [Alternative(forms[0.4], 0.0), Alternative(forms[0.03], 1.0)]
 
-    monkeypatch.setattr(search, "rivals", both)
-    (cause,) = Search(scores).judged([forms[0.03]])
+    monkeypatch.setattr(causes, "rivals", both)
+    (cause,) = judged(Search(scores).admission, [forms[0.03]])
     assert [a.candidate for a in cause.alternatives] == [forms[0.03]]
 
 

@@ -44,7 +44,7 @@ def test_friction_that_falls_with_speed_is_no_dry_and_viscous_one(
     own = [k for k in range(len(scores.owner)) if scores.hypothesis(k).effect.name == "stribeck_friction"]
     stribeck = max(own, key=lambda k: float(scores.gains([])[k]))
     search = Search(scores)
-    plainer = search.special(stribeck, [stribeck])
+    plainer = search.specials.of(stribeck, [stribeck])
     assert [scores.hypothesis(k).effect.name for k in plainer] == ["coulomb_friction"]
     finding = only(diagnose(body, play_twice(body, falling, noise=0.5)).findings, "stribeck_friction")
     assert near(finding, "level", 1.0)

@@ -16,6 +16,7 @@ from estimator.diagnosis.evidence.refinement import fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming import unexplained
 from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.causes import judged
 from estimator.diagnosis.naming.lack_of_fit import Misfit
 from estimator.diagnosis.naming.plainer import told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS, Alternative, rivals, told_as
@@ -163,7 +164,7 @@ def test_what_only_mends_the_form_of_coulomb_friction_is_told_as_that(
         assert abs(level - 3.0 - sharp) < 0.1
         own = scores.owner[told[0].candidate]
         assert all(scores.owner[rival.candidate] != own for rival in told[0].alternatives)
-        assert len(told[0].alternatives) >= len(Search(scores).judged(stood)[0].alternatives) - 1
+        assert len(told[0].alternatives) >= len(judged(Search(scores).admission, stood)[0].alternatives) - 1
 
 
 @pytest.mark.parametrize(
