@@ -25,6 +25,7 @@ from benchmarks.measured.diagnosed import (
     odrive_diagnosed,
     panda_diagnosed,
 )
+from benchmarks.measured.emps import response_to_pulses
 from estimator.convolution import convolve
 from estimator.diagnosis.telling.answer import Diagnosis, Finding
 from estimator.filtering import plan_filter
@@ -35,6 +36,10 @@ EMPS = {
     "level_positive": ("N", 20.144),
     "level_negative": ("N", 20.628),
 }
+EMPS_MASS = 95.154
+"""kg, published."""
+PULSES_TELL = (20.0, 100.0)
+"""Hz: below, the motion is in the way; beyond, the recorded position falls off, and at 230 Hz nothing is left of it."""
 STIFFNESS = (4.58e6, 7.52e6, 4.10e6)
 """N·m/rad, of the KUKA's axes 1–3."""
 ORDERS = (7, 28, 14, 36, 12)
@@ -78,7 +83,18 @@ def _emps() -> list[Figure]:
         ),
         Figure("diagnosed_emps_relative_error", 100.0 * found.held_out.after / _power(found), "%", "published", 3.1117),
         Figure("diagnosed_emps_elastic", float(len(findings_of(found, "joint_elasticity"))), "named", "published", 1.0),
+        *pulses(),
         *_sum("emps", found),
+    ]
+
+
+def pulses() -> list[Figure]:
+    """What acceleration the pulses bring, as a share of a rigid mass': more than one of a load on a spring."""
+    told = response_to_pulses(EMPS_MASS)
+    within = told.ratio[(told.frequency > PULSES_TELL[0]) & (told.frequency < PULSES_TELL[1])]
+    return [
+        Figure(f"emps_pulses_accelerate_{name}", float(value), "of a rigid mass", "a rigid mass", 1.0)
+        for name, value in (("least", within.min()), ("most", within.max()))
     ]
 
 

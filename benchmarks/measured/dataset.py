@@ -74,10 +74,12 @@ def write_files(arm: MeasuredArm, directory: Path) -> Iterator[Path]:
         present = {quantity: values for quantity, values in quantities.items() if values is not None}
         header = ["t", *(f"{quantity}_{joint}" for quantity in present for joint in joints)]
         table = np.column_stack([trajectory.t, *present.values()])
-        if (angles := arm.motor_angles.get(name)) is not None:
-            told = np.flatnonzero(np.isfinite(angles).any(axis=0))
-            header += [f"q_motor_{joints[k]}" for k in told]
-            table = np.column_stack([table, angles[:, told]])
+        of_some = {"q_motor": arm.motor_angles.get(name), "temperature": trajectory.temperature}
+        for quantity, values in of_some.items():
+            if values is not None:
+                told = np.flatnonzero(np.isfinite(values).any(axis=0))
+                header += [f"{quantity}_{joints[k]}" for k in told]
+                table = np.column_stack([table, values[:, told]])
         path = directory / f"{name}.csv"
         np.savetxt(path, table[np.isfinite(table).all(axis=1)], "%.12g", ",", header=",".join(header), comments="")
         yield path

@@ -45,4 +45,5 @@ def _recording(name: str, torque: str) -> Trajectory:
         dq=channel("Velocity"),
         q_desired=commanded if np.isfinite(commanded).all() else None,
         name=name,
+        temperature=channel("Temp"),
     )

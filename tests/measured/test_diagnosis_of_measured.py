@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.bench_diagnose_measured import EMPS, FRICTION, ORDERS
+from benchmarks.bench_diagnose_measured import EMPS, FRICTION, ORDERS, pulses
 from benchmarks.measured import emps, is_here
 from benchmarks.measured.diagnosed import (
     diagnosed,
@@ -55,6 +55,14 @@ def test_emps_rubs_more_one_way_whichever_motion_it_is_learnt_from(learnt: list[
     assert (finding.effect, finding.status) == ("asymmetric_friction", "named")
     for name in ("coefficient_positive", "coefficient_negative"):
         assert number(finding, name) == pytest.approx(EMPS[name][1], rel=0.06)
+
+
+def test_emps_answers_its_pulses_as_a_rigid_mass_does() -> None:
+    """Published: the pulses excite a flexibility. To 100 Hz there is none: a load on a spring would answer by
+    1/(1 − f²/f₀²), which is beyond 1.04 for all springs up to 500 Hz."""
+    needs("emps")
+    (least, most) = pulses()
+    assert 0.95 < least.value < most.value < 1.04
 
 
 def test_a_motor_s_cogging_is_named_order_by_order() -> None:
