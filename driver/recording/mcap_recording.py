@@ -22,6 +22,8 @@ JOINT_STATE_TYPES = (ros2.JOINT_STATE, "sensor_msgs/JointState")
 WRENCH = "/wrench"
 TEMPERATURE_TYPES = (ros2.TEMPERATURE, "sensor_msgs/Temperature")
 WRENCH_TYPES = (ros2.WRENCH_STAMPED, "geometry_msgs/WrenchStamped")
+COLDEST, HOTTEST = -60.0, 250.0
+"""°C; no motor that turns is colder or hotter."""
 Nanoseconds = NDArray[np.int64]
 
 
@@ -255,8 +257,11 @@ def _with_own_channels(
     installation = attached_installation(file.attachments(), str(recording.path))
     wrench_t, wrench = collected.wrench(recording.start_ns)
     sensors = installation.wrench_sensor if installation else ()
+    temperature, notes = _of_thermometers(recording)
     return replace(
         recording,
+        temperature=temperature,
+        notes=(*recording.notes, *notes),
         q_d=None if command is None else command.position,
         dq_d=None if command is None else command.velocity,
         tau_command=None if command is None else command.effort,
@@ -269,6 +274,21 @@ def _with_own_channels(
         installation=installation,
         metadata=metadata,
     )
+
+
+def _of_thermometers(recording: Recording) -> tuple[Array | None, list[str]]:
+    """The temperatures of the joints whose drives have a thermometer, and a note on each other: what a drive tells
+    without one is often the end of its range."""
+    whole, notes = recording.temperature, list[str]()
+    if whole is None:
+        return None, notes
+    for joint, own in zip(recording.joints, whole.T, strict=True):
+        wrong = own[(own < COLDEST) | (own > HOTTEST)]
+        if len(wrong):
+            why = f"its drive tells {wrong[0]:.4g} °C, as one without a thermometer"
+            notes.append(f"the temperature of {joint} is left out: {why}")
+    kept = np.where(((whole < COLDEST) | (whole > HOTTEST)).any(axis=0), np.nan, whole)
+    return (None if np.isnan(kept).all() else kept), notes
 
 
 def _at_stamps(columns: JointStateColumns, stamp_ns: Nanoseconds) -> JointStateColumns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -25,17 +26,19 @@ class StampedColumns(NamedTuple):
 
 
 def stamped_columns(batch: Batch, channel_id: int, count: int) -> Iterator[StampedColumns]:
-    """The messages of a channel by frame: the stamp is at a body's start, ``count`` numbers at its end, however long
-    the name between them is."""
+    """The messages of a channel by frame and order of bytes: the stamp is at a body's start, ``count`` numbers at its
+    end, however long the name between them is."""
     for _, rows in records_by_length(batch, channel_id):
-        frames, of_row = np.unique(rows[:, BODY + 8 : -8 * count], axis=0, return_inverse=True)
-        for k, frame in enumerate(frames):
-            length = int.from_bytes(frame[:4].tobytes(), "little")
-            name = frame[4 : 3 + length].tobytes().decode(errors="replace")
+        heads = np.column_stack([rows[:, RECORD_HEAD_BYTES + 1], rows[:, BODY + 8 : -8 * count]])
+        alike, of_row = np.unique(heads, axis=0, return_inverse=True)
+        for k, (little, *text) in enumerate(alike.tolist()):
+            order = "<" if little else ">"
+            (length,) = struct.unpack_from(f"{order}I", bytes(text))
             own = rows[of_row.ravel() == k]
-            seconds = np.ascontiguousarray(own[:, BODY : BODY + 4]).view("<i4")[:, 0].astype(np.int64)
-            nanoseconds = np.ascontiguousarray(own[:, BODY + 4 : BODY + 8]).view("<u4")[:, 0]
-            numbers = np.ascontiguousarray(own[:, -8 * count :]).view("<f8").astype(np.float64)
+            seconds = np.ascontiguousarray(own[:, BODY : BODY + 4]).view(f"{order}i4")[:, 0].astype(np.int64)
+            nanoseconds = np.ascontiguousarray(own[:, BODY + 4 : BODY + 8]).view(f"{order}u4")[:, 0]
+            numbers = np.ascontiguousarray(own[:, -8 * count :]).view(f"{order}f8").astype(np.float64)
+            name = bytes(text[4 : 3 + length]).decode(errors="replace")
             yield StampedColumns(name, seconds * SECOND + nanoseconds, numbers)
 
 

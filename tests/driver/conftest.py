@@ -15,6 +15,7 @@ import pytest
 
 from config import Installation, load_installation
 from config.schema import WrenchSensor
+from driver.cia402.mapping import SYNCHRONOUS
 from driver.cia402.pdo import SYNC, PdoCodec
 from driver.cyclic.cycle import Cycle, LoopState, RawFrame
 from driver.wrench.crc import crc16_modbus, crc16_x25
@@ -84,7 +85,9 @@ def _make_cycles(
         for joint, maps in zip(installation.joint, codec.maps, strict=True):
             bus = buses.index(joint.bus)
             for pdo in maps:
-                data = rng.integers(-1000, 1000, 4, dtype="<i2").tobytes()[: pdo.length]
+                values = rng.integers(-1000, 1000, 4, dtype="<i2")
+                # Halves are temperatures that a motor may have, in tenths of a degree.
+                data = (values if pdo.transmission == SYNCHRONOUS else values // 2).tobytes()[: pdo.length]
                 frame = struct.pack("<IB3x8s", pdo.cob_id, pdo.length, data)
                 chance = rng.random()
                 if pdo.receive or chance >= lost_share + late_share:

@@ -16,7 +16,9 @@ from mcap_ros2.writer import Writer as StockWriter
 from config import Installation
 from config.schema import VirtualHardware
 from driver.arm import ArmLoop
-from driver.recording import RecorderProcess, read_recording, replay
+from driver.bus.frames import pack
+from driver.cyclic.cycle import Cycle, RawFrame
+from driver.recording import RecorderProcess, RunWriter, read_recording, replay
 from driver.recording import ros2_definitions as ros2
 from driver.recording.csv_recording import read_csv, write_csv
 
@@ -83,6 +85,28 @@ def test_a_csv_holds_them_too(of_the_standin: Path, tmp_path: Path) -> None:
     assert again is not None
     assert recording.temperature is not None
     assert again[-1] == pytest.approx(recording.temperature[-1])
+
+
+def test_a_drive_without_thermometer_is_left_out_and_said(
+    tmp_path: Path, dda: Installation, make_cycles: Callable[..., list[Cycle]]
+) -> None:
+    """It tells the end of its range, 3276.7 °C."""
+    told = {0x481: 251, 0x482: 0x7FFF}
+    writer = RunWriter(tmp_path / "run.mcap", dda, {"mode": "csp"})
+    for cycle in make_cycles(dda, 30):
+        kept = [f for f in cycle.frames if not 0x481 <= int.from_bytes(f.data[:4], "little") <= 0x483]
+        own = [
+            RawFrame(bus, cycle.time_ns, False, pack(can_id, counts.to_bytes(2, "little")))
+            for bus, (can_id, counts) in enumerate(told.items())
+        ]
+        writer.write(replace(cycle, frames=(*kept, *own)))
+    writer.finish()
+    recording = read_recording(tmp_path / "run.mcap")
+    assert recording.temperature is not None
+    assert recording.temperature[:, 0] == pytest.approx(25.1)
+    assert np.isnan(recording.temperature[:, 1:]).all()
+    (note,) = recording.notes
+    assert note == ("the temperature of joint2 is left out: its drive tells 3277 °C, as one without a thermometer")
 
 
 @pytest.mark.parametrize("topics", [("/temperature", "/temperature"), ("/a/warmth", "/b/warmth")])
