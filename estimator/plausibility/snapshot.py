@@ -16,7 +16,7 @@ from estimator.plausibility.doubt import Kind
 from estimator.regressor import torque_regressor
 from estimator.rigid_body import RigidBody
 from estimator.rows import CHUNK
-from estimator.standstill import rest_speeds
+from estimator.standstill import rest_speeds, rms_speeds
 from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -27,7 +27,10 @@ _SECONDS = 60.0
 _FILTER_BAND = 0.5
 """Hz: kinematics and torques are smoothed alike, flat to six times this …"""
 _FLAT = 6.0
-"""… and wider where recordings are so short that the smoothing would leave less than half of the longest."""
+"""… and wider where recordings are so short that the smoothing would leave less than half of the longest; of each,
+where joints that move hardly do so in the longest."""
+_STILL = 0.3
+"""Of its rms speed in all recordings: a joint that is slower in a snapshot does not show there what it does."""
 _WIDEST_BAND = 4.0
 """Hz; what is shorter than such a filter's ends is not looked at."""
 TERMS = 4
@@ -69,9 +72,17 @@ class Snapshot:
 
 def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
     """A snapshot of some recordings; None when they have no gapless half of a second."""
-    limits = rest_speeds(trajectories)
+    limits, speeds = rest_speeds(trajectories), rms_speeds(trajectories)
     trajectories = [coarse(trajectory) for trajectory in trajectories]
-    band = _band(trajectories)
+    narrow, wide = _bands(trajectories)
+    shot = _smoothed(trajectories, narrow, limits)
+    if wide > narrow and (shot is None or np.any(np.sqrt(np.mean(shot.dq**2, axis=0)) < _STILL * speeds)):
+        return _smoothed(trajectories, wide, limits)
+    return shot
+
+
+def _smoothed(trajectories: Sequence[Trajectory], band: float, limits: Array) -> Snapshot | None:
+    """``limits`` (n,) rad/s: slower is at rest."""
     parts: list[list[Array]] = []
     for trajectory in trajectories:
         plan = plan_filter(trajectory.rate, band)
@@ -107,11 +118,18 @@ def joined(shots: Sequence[Snapshot]) -> Snapshot:
     return Snapshot(**kept, band=max(shot.band for shot in shots))
 
 
-def _band(trajectories: Sequence[Trajectory]) -> float:
-    """Hz of a filter whose two ends take no more than half of the longest recording."""
+def _bands(trajectories: Sequence[Trajectory]) -> tuple[float, float]:
+    """Hz of filters whose two ends take no more than half of the longest recording, and of any that is long enough for
+    the widest."""
     ends = max(2 * plan_filter(t.rate, _FILTER_BAND).edge / t.rate for t in trajectories)
-    longest = max(float(t.t[-1] - t.t[0]) for t in trajectories)
-    return min(_FILTER_BAND * max(1.0, 2.0 * ends / max(longest, 1e-9)), _WIDEST_BAND)
+    lengths = [float(t.t[-1] - t.t[0]) for t in trajectories]
+    least = 2.0 * ends * _FILTER_BAND / _WIDEST_BAND
+    looked_at = [length for length in lengths if length >= least] or [least]
+
+    def band(length: float) -> float:
+        return _FILTER_BAND * max(1.0, 2.0 * ends / length)
+
+    return band(max(looked_at)), band(min(looked_at))
 
 
 @dataclass(frozen=True)

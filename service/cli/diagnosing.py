@@ -52,6 +52,12 @@ def diagnose(
         int | None, typer.Option("--budget", metavar="N", min=0, max=20, help="Deciding motions to play at most. [2]")
     ] = None,
     motion: MotionsOption = None,
+    track: Annotated[
+        str | None,
+        typer.Option(
+            "--track", metavar="MOTION", help="At last, play it under the given and the found model's feedforward."
+        ),
+    ] = None,
     mode: ModeOption = "csp",
     controller: ControllerOption = "pd",
     attached: AttachedOption = False,
@@ -71,6 +77,7 @@ def diagnose(
                 "hold_out": [str(path) for path in as_paths(hold_out or [])],
                 "drives_off": [str(path) for path in as_paths(drives_off or [])],
                 "motions": [motion_reference(m) for m in motion or []],
+                "track": None if track is None else motion_reference(track),
                 "budget": 2 if budget is None else budget,
                 "tolerance": tolerance,
                 "mode": mode,
@@ -79,7 +86,7 @@ def diagnose(
             },
         )
     else:
-        beside = (("--budget", budget is not None), ("--motion", motion), ("--attached", attached))
+        beside = (("--budget", budget is not None), ("--motion", motion), ("--track", track), ("--attached", attached))
         refuse(beside, "is for diagnosing by experiment", "add --experiment")
         if not recordings:
             raise InputError(

@@ -34,6 +34,7 @@ def as_json(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
                 "unit": _common([r.unit for r in diagnosis.torque_residual]),
             },
             "simulation": None,
+            "tracking": None,
         },
         "smallest_detectable": {
             effect: {"arm" if joint is None else joints[joint]: size for joint, size in sizes.items()}

@@ -24,13 +24,21 @@ def keep(directory: Path, result: Diagnosis, answer: dict[str, Any]) -> dict[str
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        answer = {**answer, "report": str(directory / PAGE)}
+    except OSError as error:
+        raise InputError(str(directory), f"cannot be made ({error.strerror})", "choose another --out") from None
+    save_traces(directory / TRACES, result.traces)
+    answer = {**answer, "report": str(directory / PAGE)}
+    keep_answer(directory, answer)
+    return answer
+
+
+def keep_answer(directory: Path, answer: dict[str, Any]) -> None:
+    """Write an answer and its page, beside the traces that are there. Raises InputError when they cannot be written."""
+    try:
         write_atomically(directory / ANSWER, json.dumps(finite(answer), indent=1, ensure_ascii=False) + "\n")
     except OSError as error:
         raise InputError(str(directory), f"cannot be written ({error.strerror})", "choose another --out") from None
-    save_traces(directory / TRACES, result.traces)
     write_page(directory / PAGE, kept_page(answer, directory))
-    return answer
 
 
 def kept_page(answer: dict[str, Any], directory: Path) -> str:

@@ -15,8 +15,8 @@ from learner.constrained import constrained
 from learner.linearisation import linearise, spread
 from learner.trial import Timing
 from service.practice.course import PracticeArguments
-from service.practice.inverse_models import load_inverse_model
-from service.practice.planning import practised_motion
+from service.practice.inverse_models import ArmTorques, load_inverse_model
+from service.practice.planning import Practised, practised_motion
 from service.practice.record import read_feedforward
 from service.practice.taught import Taught, at_torques, base_torque, what_was_taught
 from service.sessions.store import SessionStore
@@ -36,16 +36,26 @@ def plan_with_feedforward(motion: str, installation: Installation, mode: Mode, s
     Raises InputError when the motion leaves a limit, or the source is of another arm or motion.
     """
     practised = practised_motion(motion, installation, mode)
-    reference = practised.reference
     if source.endswith(".csv"):
-        return practised.plan(read_feedforward(Path(source), installation.joint_names, reference.samples))
-    timing = practised.timing
+        return practised.plan(read_feedforward(Path(source), installation.joint_names, practised.reference.samples))
     if PRACTISED in source:
         taught, timing = _learnt(source, installation, mode)
-        model = taught.model
         correction, _ = taught.rest.correction_at(at_torques(practised))
-    else:
-        model, correction = load_inverse_model(source, installation), np.zeros_like(reference.q)
+        return _planned(practised, taught.model, correction, timing)
+    return plan_by_model(motion, installation, mode, source)
+
+
+def plan_by_model(motion: str, installation: Installation, mode: Mode, model: str | None) -> Plan:
+    """The motion, with rests around it as in practice, and a model's torque for it: of that file or name, or the arm's
+    URDF. Raises InputError like `plan_with_feedforward`."""
+    practised = practised_motion(motion, installation, mode)
+    inverse = load_inverse_model(model, installation)
+    return _planned(practised, inverse, np.zeros_like(practised.reference.q), practised.timing)
+
+
+def _planned(practised: Practised, model: ArmTorques, correction: Array, timing: Timing) -> Plan:
+    """``correction``: N·m (samples, n) beside the model's torque."""
+    reference = practised.reference
     at = spread(reference.samples, INSTANTS)
     arm = linearise(model.momentary, reference.q[at], reference.dq[at], reference.ddq[at])
     torque = constrained(

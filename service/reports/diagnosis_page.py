@@ -177,6 +177,12 @@ def _gain(answer: Answer) -> Html:
             f"{figure(simulation[key])} {simulation['unit']}" for key in ("position_before_rms", "position_after_rms")
         ]
         rows.append([element("b", "simulated position"), *off, "", "", "the twin with the recorded commands"])
+    tracking = answer["gain"].get("tracking")
+    if tracking:
+        off = [f"{figure(tracking[key])} {tracking['unit']}" for key in ("position_before_rms", "position_after_rms")]
+        rows.append(
+            [element("b", "position on the arm"), *off, "", "", f"{tracking['motion']} under the model's feedforward"]
+        )
     heading = "What it gains" if answer["findings"] else "Torques against their noise"
     headings = ["joint", "before, rms", "after", "noise", "unit", "red: what is left; black mark: the noise"]
     return section(heading, table(headings, rows, numbers=(1, 2, 3)))

@@ -41,6 +41,13 @@ def diagnosis_report(answer: dict[str, Any]) -> list[RenderableType]:
             f"simulated under {simulation['controller']}: angles off by {figure(simulation['position_before_rms'])} → "
             f"{figure(simulation['position_after_rms'])} {simulation['unit']} rms"
         )
+    tracking = answer["gain"].get("tracking")
+    if tracking is not None:
+        before, after = (figure(tracking[key]) for key in ("position_before_rms", "position_after_rms"))
+        shown.append(
+            f"on the arm, {tracking['motion']} under the model's feedforward: angles off by {before} → {after} "
+            f"{tracking['unit']} rms"
+        )
     if answer["model"] is not None:
         shown.append(f"model {answer['model_name']}: {answer['model']}")
     return [*shown, f"page: {answer['report']}"] if answer["report"] else shown

@@ -1,8 +1,9 @@
 """A session that diagnoses the arm: plays motions twice each, judges, plays the motion that decides, or reads the
-drives while they are off where that decides, and judges again."""
+drives while they are off where that decides, and judges again; at last it may measure what the found model gains."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from config import InputError, Installation
 from config.schema import Mode
+from service.diagnosis.keeping import keep_answer
 from service.diagnosis.request import DiagnoseRequest
 from service.identification.worker import in_worker
+from service.sessions.following import Following
 from service.sessions.moving import MovingArm, SessionController, plan_motion
 from service.sessions.playing import planned, play_recorded
 from service.sessions.procedure import Tell, part
@@ -22,6 +25,10 @@ PLAYINGS = 2
 """Of every motion to begin with: what differs between them is noise."""
 PLAYING_SHARE = 0.6
 """Share of a round that goes by in motion; the rest is judging."""
+
+
+LAST_SHARE = 0.2
+"""Share of a session that goes by while the arm follows a motion under both models."""
 
 
 class DiagnoseArguments(BaseModel):
@@ -37,6 +44,8 @@ class DiagnoseArguments(BaseModel):
     budget: int = Field(default=2, ge=0, le=20)
     """Deciding motions, or readings, that there may be."""
     tolerance: float = 0.05
+    track: str | None = None
+    """A motion, by name or file, that is played at the end under both models' feedforward."""
     mode: Mode = "csp"
     controller: SessionController = "pd"
 
@@ -61,12 +70,14 @@ class DiagnoseArm:
             if arguments.recordings
             else planned(arguments.motions, "identification_motions", installation, mode, controller)
         )
+        self._following = None if arguments.track is None else Following(arguments.track, installation, mode)
 
     def arguments(self) -> dict[str, Any]:
         return self._asked.model_dump(mode="json")
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
-        round_share = 1.0 / (self._asked.budget + 1)
+        whole = 1.0 if self._following is None else 1.0 - LAST_SHARE
+        round_share = whole / (self._asked.budget + 1)
         first = part(tell, 0.0, round_share)
         recordings = list(self._asked.recordings)
         # Every motion once, then all again: friction that warms up does not look like noise.
@@ -87,7 +98,21 @@ class DiagnoseArm:
             played = {key: designed[key] for key in ("motion", "drives_off_s", "between", "predicted_gap")}
             experiments = [*answer["experiments"], played]
             answer = await self._judged(session, recordings, drives_off, experiments, another)
+        if self._following is not None:
+            answer = await self._followed(answer, self._following, moving, session, part(tell, 1.0 - LAST_SHARE, 1.0))
         return {"session": session.id, **answer}
+
+    async def _followed(
+        self, answer: dict[str, Any], following: Following, moving: MovingArm, session: Session, tell: Tell
+    ) -> dict[str, Any]:
+        """The answer with what the arm gains, in its files too."""
+        if answer["model"] is None:
+            note = f"{self._asked.track} is not played: nothing was found that a feedforward could use"
+            return {**answer, "notes": [*answer["notes"], note]}
+        tracking = await following.measured(answer["model"], moving, session, tell)
+        answer = {**answer, "gain": {**answer["gain"], "tracking": tracking}}
+        await asyncio.to_thread(keep_answer, Path(answer["model"]).parent, answer)
+        return answer
 
     async def _judged(
         self,

@@ -59,7 +59,7 @@ def rubbing_arm(new_house: Callable[[Path], Any]) -> Iterator[Any]:
 def test_what_one_swing_leaves_open_a_designed_motion_decides(rubbing_arm: Any, tmp_path: Path) -> None:
     swing = tmp_path / "swing.toml"
     swing.write_text(SWING, encoding="utf-8")
-    asked = ("diagnose", "--experiment", "--motion", str(swing), "--budget", "1", "--json", "-")
+    asked = ("diagnose", "--experiment", "--motion", str(swing), "--budget", "1", "--track", "dda-load", "--json", "-")
     client = rubbing_arm.popen(*asked)
     out, told = client.communicate(timeout=850)
     assert client.returncode == 0, told
@@ -74,6 +74,14 @@ def test_what_one_swing_leaves_open_a_designed_motion_decides(rubbing_arm: Any, 
     named = {(f["effect"], f["joint"]) for f in answer["findings"] if f["status"] == "named"}
     assert ("viscous_friction", "joint2") in named
     assert len(answer["recordings"]) == 4
+    tracking = answer["gain"]["tracking"]
+    assert tracking["motion"] == "dda-load"
+    assert 0.0 < tracking["position_after_rms"] < tracking["position_before_rms"]
+    assert set(tracking["joints"]) == {"joint1", "joint2", "joint3"}
+    assert [len(tracking["recordings"][when]) for when in ("before", "after")] == [2, 2]
+    page = Path(answer["report"]).read_text(encoding="utf-8")
+    assert "position on the arm" in page
+    assert json.loads((Path(answer["report"]).parent / "diagnosis.json").read_text())["gain"]["tracking"] == tracking
     kept = rubbing_arm.answer("report", answer["session"])
     assert kept["result"]["verdict"] == answer["verdict"]
     assert Path(kept["page"]).exists()
@@ -83,6 +91,12 @@ def test_options_of_experiments_are_refused_without_one(rubbing_arm: Any) -> Non
     refused = rubbing_arm.etude("diagnose", "--budget", "1", "some.mcap")
     assert refused.returncode == 2
     assert "--experiment" in refused.stderr
+    refused = rubbing_arm.etude("diagnose", "--track", "dda-load", "some.mcap")
+    assert refused.returncode == 2
+    assert "--track" in refused.stderr
+    refused = rubbing_arm.etude("diagnose", "--experiment", "--track", "nowhere.toml")
+    assert refused.returncode == 2
+    assert "nowhere.toml" in refused.stderr
     refused = rubbing_arm.etude("diagnose", "--experiment", "--hold", "joint1=0")
     assert refused.returncode == 2
     assert "--hold" in refused.stderr
