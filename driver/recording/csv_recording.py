@@ -229,22 +229,24 @@ def write_csv(recording: Recording, path: Path) -> LeftOut:
     names = ["t", *(f"q_{joint}" for joint in recording.joints)]
     columns = [recording.t[:, None], recording.q]
     nowhere = []
-    quantities = [("dq", recording.dq), ("tau", recording.tau), (MOTOR, recording.tau_motor)]
-    if recording.wrench is not None and recording.wrench_t is not None:
-        quantities.append(("wrench", wrench_at(recording.t, recording.wrench_t, recording.wrench)))
-    for quantity, values in quantities:
-        if values is None:
-            continue
-        if np.isnan(values).all():
+    for quantity, values in (("dq", recording.dq), ("tau", recording.tau), (MOTOR, recording.tau_motor)):
+        if values is not None and np.isnan(values).all():
             nowhere.append(quantity)
-            continue
-        names += WRENCH_COLUMNS if quantity == "wrench" else [f"{quantity}_{joint}" for joint in recording.joints]
-        columns.append(values)
+        elif values is not None:
+            names += [f"{quantity}_{joint}" for joint in recording.joints]
+            columns.append(values)
     for quantity, of_some in ((MOTOR_ANGLE, recording.q_motor), (TEMPERATURE, recording.temperature)):
         if of_some is not None:
             told = np.flatnonzero(np.isfinite(of_some).any(axis=0))
             names += [f"{quantity}_{recording.joints[k]}" for k in told]
             columns.append(of_some[:, told])
+    if recording.wrench is not None and recording.wrench_t is not None:
+        wrench = wrench_at(recording.t, recording.wrench_t, recording.wrench)
+        if np.isnan(wrench).all():
+            nowhere.append("wrench")
+        else:
+            names += WRENCH_COLUMNS
+            columns.append(wrench)
     table = np.hstack(columns)
     whole = np.isfinite(table).all(axis=1)
     try:

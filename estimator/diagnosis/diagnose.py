@@ -25,7 +25,7 @@ from estimator.diagnosis.naming.judging import Judged, judge
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, unexplained_by
 from estimator.diagnosis.observed.first_body import has_bodies
 from estimator.diagnosis.observed.noise import Noise
-from estimator.diagnosis.telling.answer import Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
+from estimator.diagnosis.telling.answer import Alternative, Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
 from estimator.diagnosis.telling.traces import Traces, traces
 from estimator.differences import with_speeds_of_their_own
 from estimator.rigid_body import RigidBody
@@ -135,6 +135,18 @@ def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
     return np.asarray(first + refined.value[: base.rank])
 
 
+def _shared_out(finding: Finding, other: Alternative, joints: Sequence[str]) -> str:
+    """Of a finding and an alternative of another joint that no motion tells from it."""
+    assert finding.place.joint is not None
+    assert other.place.joint is not None
+    one, another = joints[finding.place.joint], joints[other.place.joint]
+    what = finding.effect.replace("_", " ")
+    return (
+        f"no motion tells the {what} of {one} from one of {another}, beside what both spend together: its ratio and "
+        f"its size are told as they are with the {what} of {one}"
+    )
+
+
 def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judged, own_speeds: bool) -> list[str]:
     notes = []
     if not own_speeds:
@@ -169,6 +181,12 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
             f"{stand} never moved: friction may hold it by any torque, so that nothing is said of what acts there; "
             "record a motion of it"
         )
+    notes += [
+        _shared_out(f, other, given.joints)
+        for f in judged.findings
+        for other in f.alternatives[:1]
+        if not other.decidable
+    ]
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

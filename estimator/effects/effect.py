@@ -109,6 +109,9 @@ class Law(ABC):
     looks_like: ClassVar[tuple[str, ...]] = ()
     """Effects of other shapes that it may look like where the motion shows a part of either: compared with each at the
     shape that suits it best."""
+    as_of_one: ClassVar[Mapping[str, int]] = {}
+    """Of one that two joints share, the effects of a single joint that one of its coefficients is of both: where it has
+    that coefficient alone, what one of the joints spends besides may be the other's, at another ratio."""
     comes_and_goes: ClassVar[bool] = False
     """Whether it acts now and then alone: one that acts all of the time is something else."""
     sought: ClassVar[bool] = False

@@ -36,6 +36,7 @@ class TransmissionCoupling(Effect):
         "inertia": "kg·m²",
     }
     hidden = (1,)
+    as_of_one: ClassVar = {"viscous_friction": 0, "rotor_inertia": 2}
     confused_with = ("coulomb_friction", "viscous_friction", "rotor_inertia", "link_inertia")
     seen_against = "dq"
     experiment = "move {joint} alone, the joint it shares a transmission with alone, then both together"

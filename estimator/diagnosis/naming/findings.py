@@ -29,13 +29,15 @@ def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes
     design = scores.design
     hypothesis = scores.hypothesis(cause.candidate)
     rivals = tuple(
-        Alternative((h := scores.hypothesis(a.candidate)).effect.name, h.place, a.gap) for a in cause.alternatives
+        Alternative((h := scores.hypothesis(a.candidate)).effect.name, h.place, a.gap, a.decidable)
+        for a in cause.alternatives
     )
     near = rivals[:_SHOWN]
     within = tuple(a for a in near if a.log_likelihood_gap < AMBIGUOUS)
     ambiguous = bool(within)
     fitted = refined.design.candidates[number]
     beside = [c.candidate for c in causes if c is not cause]
+    open_to = [a.candidate for a in cause.alternatives[: len(within)] if a.decidable]
     return Finding(
         effect=hypothesis.effect.name,
         place=hypothesis.place,
@@ -52,9 +54,9 @@ def finding(found: Searched, refined: Refined, number: int, cause: Cause, causes
         share_of_explainable=_share(scores, [c.candidate for c in causes], cause.candidate),
         alternatives=within or near,
         rivals=rivals,
-        next_experiment=_experiment(hypothesis, design.body) if ambiguous else None,
+        next_experiment=_experiment(hypothesis, design.body) if open_to else None,
         shape=fitted.theta[list(hypothesis.effect.hidden)] if hypothesis.effect.hidden else None,
-        contest=_contest(evidence, scores, cause, beside, len(within)) if ambiguous else None,
+        contest=_contest(evidence, scores, cause, beside, open_to) if open_to else None,
     )
 
 
@@ -91,9 +93,11 @@ def _share(scores: Scores, chosen: Sequence[int], own: int) -> float:
     return float(np.clip((without - whole) / bound, 0.0, 1.0))
 
 
-def _contest(evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[int], count: int) -> Contest:
-    """Of a cause with the ``count`` nearest of its alternatives."""
-    within = [cause.candidate, *(a.candidate for a in cause.alternatives[:count])]
+def _contest(
+    evidence: Evidence, scores: Scores, cause: Cause, others: Sequence[int], alternatives: Sequence[int]
+) -> Contest:
+    """Of a cause with the nearest of its alternatives."""
+    within = [cause.candidate, *alternatives]
     return contest(scores, evidence, others, [int(scores.owner[k]) for k in within])
 
 

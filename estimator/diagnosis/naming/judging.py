@@ -22,6 +22,7 @@ from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
 from estimator.diagnosis.naming.search import Search
+from estimator.diagnosis.naming.shared import beside_shared
 from estimator.diagnosis.naming.sharpening import WORTH, sharpened
 from estimator.diagnosis.naming.slow_forms import beside_two_lines, of_one_form, of_two_lines
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, VISIBLE
@@ -88,6 +89,7 @@ def judge(evidence: Evidence) -> Judged:
     told, named = without_menders(found.evidence, scores, stood, refined)
     seen = list(beside_two_lines(found.evidence, scores, told, named))
     seen = list(beside_joint_or_arm(found.evidence, scores, seen, named))
+    seen = list(beside_shared(scores, seen, named))
     stood, refined = _beside_what_was_told(found.evidence, scores, stood, refined, [cause.candidate for cause in seen])
     if found.widest is not scores:
         found.widest.reweigh(stood)

@@ -32,6 +32,8 @@ class Alternative:
 
     candidate: int
     gap: float
+    decidable: bool = True
+    """Whether there are motions that tell it from the cause."""
 
 
 def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alternative]:

@@ -40,6 +40,8 @@ class Alternative:
     place: Place
     log_likelihood_gap: float
     """Nats behind the finding, both less what their freedom costs."""
+    decidable: bool = True
+    """Whether there are motions that tell it from the finding."""
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,41 @@ def on(joint: int, torque: Array, like: Array) -> Array:
     return result
 
 
+def test_what_one_joint_spends_beside_a_viscous_coupling_may_be_the_other_s(
+    six_axis: RigidBody, record: Recorder
+) -> None:
+    """Both sums are the same matrix of speeds: no motion tells them apart, and none is promised to."""
+    both, ratio, own = 30.0, 0.8, 10.0
+
+    def law(q: Array, dq: Array, ddq: Array) -> Array:
+        spent = both * (dq[:, 3] + ratio * dq[:, 4])
+        return on(3, spent, dq) + on(4, ratio * spent + own * dq[:, 4], dq)
+
+    def other(q: Array, dq: Array, ddq: Array) -> Array:
+        """With what is joint 5's own at joint 4."""
+        taken = (both * ratio) ** 2 / (both * ratio**2 + own)
+        another = both * ratio / taken
+        spent = taken * (dq[:, 3] + another * dq[:, 4])
+        return on(3, spent + (both - taken) * dq[:, 3], dq) + on(4, another * spent, dq)
+
+    speeds = np.random.default_rng(0).normal(size=(10, 6))
+    assert np.allclose(law(speeds, speeds, speeds), other(speeds, speeds, speeds))
+    found = diagnose(six_axis, record(law))
+    told = {f.effect: f for f in found.findings}
+    assert set(told) == {"transmission_coupling", "viscous_friction"}
+    viscous = told["viscous_friction"]
+    assert viscous.status == "ambiguous"
+    (alternative,) = viscous.alternatives
+    assert {viscous.place.joint, alternative.place.joint} == {3, 4}
+    assert (alternative.effect, alternative.log_likelihood_gap, alternative.decidable) == (
+        "viscous_friction",
+        0.0,
+        False,
+    )
+    assert (viscous.contest, viscous.next_experiment) == (None, None)
+    assert any("no motion tells the viscous friction" in note for note in found.notes)
+
+
 def test_a_clean_arm_is_clean(six_axis: RigidBody, record: Recorder) -> None:
     found = diagnose(six_axis, record())
     assert found.verdict == "clean"
