@@ -55,7 +55,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
     single = [j for j in judged if len(j.truth.causes) == 1 and not j.outside]
     several = [j for j in judged if len(j.truth.causes) > 1]
     outside, inside = ([j for j in judged if j.outside is there] for there in (True, False))
-    sets = [one for j in judged for one in j.sets]
+    sets, told_sets = ([one for j in some for one in j.sets] for some in (judged, inside))
     parameters = [p for j in judged for p in j.parameters]
     figures = [_share("false alarms on clean arms, family-wise", clean, lambda j: j.alarm, 0.05, True)]
     for low, high in SIZES:
@@ -76,6 +76,7 @@ def tally(judged: Sequence[Judgement]) -> list[CampaignFigure]:
         _share("each of several causes named", outcomes, lambda outcome: outcome == "named"),
         _share("confidently wrong", judged, lambda j: bool(j.wrong) and not j.outside_flagged, 0.02, True),
         _share("ambiguous sets that hold a true cause", sets, lambda one: one.holds, 0.95),
+        _share("ambiguous sets where the catalogue has all of it, that do", told_sets, lambda one: one.holds),
         _median("size of ambiguous sets, median", [one.size for one in sets], 2.0),
         _share("outside effects flagged unknown", outside, lambda j: bool(j.outside_flagged), 0.9),
         _share("flagged unknown where the catalogue has all of it", inside, lambda j: j.flagged),

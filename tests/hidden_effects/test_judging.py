@@ -82,6 +82,15 @@ def test_what_nobody_could_tell_is_tallied_apart() -> None:
     assert (of_told.value, of_told.count) == (1.0, 1)
 
 
+def test_sets_of_what_the_catalogue_has_not_are_tallied_apart() -> None:
+    """No set of names can hold a cause that has none."""
+    said = answer("ambiguous", finding("coulomb_friction", "joint2", "ambiguous", (("presliding", "joint2"),)))
+    judged = [judge(truth, said, 0.5) for truth in (true(COULOMB), true(WOBBLE))]
+    assert figure(judged, "ambiguous sets that hold").value == 0.5
+    told = figure(judged, "ambiguous sets where the catalogue has all of it")
+    assert (told.value, told.count) == (1.0, 1)
+
+
 def test_the_right_name_on_another_joint_is_wrong() -> None:
     j = judge(true(COULOMB), answer("named", finding("coulomb_friction", "joint3")), 0.5)
     assert not j.right
