@@ -106,10 +106,15 @@ class DiagnoseArm:
         self, answer: dict[str, Any], following: Following, moving: MovingArm, session: Session, tell: Tell
     ) -> dict[str, Any]:
         """The answer with what the arm gains, in its files too."""
-        if answer["model"] is None:
-            note = f"{self._asked.track} is not played: nothing was found that a feedforward could use"
-            return {**answer, "notes": [*answer["notes"], note]}
-        tracking = await following.measured(answer["model"], moving, session, tell)
+        try:
+            if answer["model"] is None:
+                raise InputError(
+                    str(self._asked.track), "is not played", "nothing was found that feedforward could use"
+                )
+            tracking = await following.measured(answer["model"], moving, session, tell)
+        except InputError as problem:
+            # What was found stays, whatever its feedforward may ask of the arm.
+            return {**answer, "notes": [*answer["notes"], str(problem)]}
         answer = {**answer, "gain": {**answer["gain"], "tracking": tracking}}
         await asyncio.to_thread(keep_answer, Path(answer["model"]).parent, answer)
         return answer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import tempfile
 from collections.abc import Callable, Iterator
@@ -10,9 +11,10 @@ from typing import Any
 
 import pytest
 
-from config import load_installation
+from config import InputError, load_installation
 from config.loader import HERE
 from config.motion import check_motion, load_motion, sample
+from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm
 from service.supervision import SupervisedProcess
 
 pytestmark = pytest.mark.timeout(900)
@@ -100,3 +102,22 @@ def test_options_of_experiments_are_refused_without_one(rubbing_arm: Any) -> Non
     refused = rubbing_arm.etude("diagnose", "--experiment", "--hold", "joint1=0")
     assert refused.returncode == 2
     assert "--hold" in refused.stderr
+
+
+class Refused:
+    """A motion that the found model's feedforward may not play."""
+
+    async def measured(self, *_: object) -> dict[str, Any]:
+        raise InputError("dda-load", "asks joint2 for 40 N·m, beyond its limit of 35", "play it slower")
+
+
+@pytest.mark.parametrize(("model", "said"), [("model.toml", "beyond its limit"), (None, "nothing was found")])
+def test_what_was_found_stays_where_its_feedforward_is_not_played(model: str | None, said: str) -> None:
+    session = DiagnoseArm(load_installation("dda"), DiagnoseArguments(track="dda-load"))
+    answer = {"model": model, "notes": ["before"], "gain": {"tracking": None}}
+    following: Any = Refused()
+    arm: Any = None
+    kept = asyncio.run(session._followed(answer, following, arm, arm, lambda *_: None))
+    assert kept["notes"][0] == "before"
+    assert said in kept["notes"][1]
+    assert kept["gain"] == {"tracking": None}
