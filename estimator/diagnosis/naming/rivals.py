@@ -64,8 +64,10 @@ def rivals(admission: Admission, candidate: int, chosen: list[int]) -> list[Alte
         else:
             gap = mine[1] - scores.size(mine[0]) - (shared - scores.size(k))
             gap += _one_of_many(scores, k) if not scores.recurs(candidate) else 0.0
-            if scores.hypothesis(k).place == place and not scores.hypothesis(candidate).effect.typical:
-                # Of two forms that a plain law may have the other may be there besides, and yet not in its stead.
+            law, theta = scores.hypothesis(candidate).effect, scores.design.candidates[candidate].theta
+            if scores.hypothesis(k).place == place and not law.typical and law.seen_at(theta) != "temperature":
+                # Of two forms that a plain law may have, and of a form and what goes with the temperature, the other
+                # may be there besides, and yet not in its stead.
                 usual = _against_usual(scores, candidate, chosen, k)
                 gap = gap if usual is None else min(gap, max(usual, 0.0))
         if scores.hypothesis(k).place == place and any(admission.contained(c, k) for c in chosen):

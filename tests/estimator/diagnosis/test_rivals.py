@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -266,6 +267,29 @@ def test_only_a_motion_that_is_played_again_tells_a_drift(
     assert (finding.effect, finding.place.joint, finding.status) == ("friction_drift", 1, status)
     if status == "ambiguous":
         assert [a.effect for a in finding.alternatives] == ["coulomb_friction"]
+
+
+def test_what_goes_with_the_temperature_is_no_matter_of_the_friction_s_form(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """A rise from rest may be there besides, where noise would hide it; it warms no joint. Held against it, as against
+    a plain friction, it came to 19 nats."""
+    body = make_chain("rr")
+
+    def warmth(t: Array) -> Array:
+        return np.asarray(30.0 + 10.0 * np.sin(2.0 * np.pi * t / 11.0))
+
+    def cooling(t: Array, q: Array, dq: Array) -> Array:
+        return np.asarray((2.0 - 0.04 * (warmth(t) - 20.0)) * np.sign(dq))
+
+    recordings = [
+        replace(one, temperature=np.stack([np.full(one.samples, np.nan), warmth(one.t)], axis=1))
+        for one in played(body, make_periodic, cooling, motions=2, seconds=12.0, noise=2.0)
+    ]
+    (finding,) = diagnose(body, recordings).findings
+    assert (finding.effect, finding.place.joint, finding.status) == ("friction_drift", 1, "named")
+    assert "initial_temperature" in finding.parameters
+    assert min(rival.log_likelihood_gap for rival in finding.rivals) > 50.0
 
 
 @pytest.mark.parametrize(("wide", "signs"), [("stribeck_friction", (1.0,)), ("asymmetric_friction", (1.0, -1.0))])
