@@ -75,9 +75,10 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
         if not undecided(prepared.truth, answer):
             return None
         motions: list[Played] = []
-        chosen = _chosen(found, read, prepared)
-        while len(motions) < budget and chosen is not None:
+        left, designs = budget, _designs(found, read, prepared)
+        while (chosen := _chosen(designs, left, may_read=not drives_off)) is not None:
             experiment, rivals = chosen
+            left -= experiment.motion is not None
             if experiment.drives_off_s is not None:
                 seconds = experiment.drives_off_s
                 off = read_off(prepared.installation, prepared.hidden, seconds, prepared.seed + len(motions) + 1)
@@ -88,10 +89,10 @@ def decided(plan: Plan, budget: int = BUDGET) -> Decided | None:
             read, found = _diagnosed(files, drives_off, folder)
             answer = finite(as_json(found, read.notes))
             motions.append(Played(experiment.predicted_gap, realised_gap(found, rivals)))
-            chosen = _chosen(found, read, prepared)
+            designs = _designs(found, read, prepared)
         judgement = judge(prepared.truth, answer, time.perf_counter() - begin)
         resolved = not undecided(prepared.truth, answer)
-        return Decided(judgement, tuple(motions), resolved, not resolved and chosen is None)
+        return Decided(judgement, tuple(motions), resolved, not resolved and not designs)
 
 
 def experiment_figures(cases: Sequence[Decided]) -> list[CampaignFigure]:
@@ -125,10 +126,12 @@ def _diagnosed(files: Sequence[Path], drives_off: Sequence[Path], folder: Path) 
     return read, diagnose(read.body, read.trajectories, drives_off=read.drives_off)
 
 
-def _chosen(
-    found: Diagnosis, read: ReadRecordings, prepared: Prepared
-) -> tuple[Experiment, list[dict[str, object]]] | None:
-    """The motion of the ambiguous finding that it promises most for, as a session chooses it."""
+Design = tuple[Experiment, list[dict[str, object]]]
+"""A motion or a reading, and the rivals that it is to tell apart."""
+
+
+def _designs(found: Diagnosis, read: ReadRecordings, prepared: Prepared) -> list[Design]:
+    """Of each ambiguous finding of which something promises to decide."""
     limits = limits_of(prepared.installation, read.body)
     home = np.array(prepared.installation.arm.home_rad)
     designed = []
@@ -136,7 +139,13 @@ def _chosen(
         assert finding.contest is not None
         if (experiment := design_experiment(finding.contest, limits, home)) is not None:
             designed.append((experiment, between(finding, found.joints)))
-    return max(designed, key=lambda one: one[0].predicted_gap, default=None)
+    return designed
+
+
+def _chosen(designs: Sequence[Design], left: int, may_read: bool) -> Design | None:
+    """That which promises most, as a session chooses it: a motion while some are ``left``, or a reading."""
+    allowed = [one for one in designs if (left > 0 if one[0].motion is not None else may_read)]
+    return max(allowed, key=lambda one: one[0].predicted_gap, default=None)
 
 
 def _played(motion: ExperimentMotion, playings: int, prepared: Prepared, number: int) -> list[Run]:

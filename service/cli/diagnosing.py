@@ -49,7 +49,14 @@ def diagnose(
         typer.Option("--experiment", help="Play what decides on the arm; without recordings its own motions first."),
     ] = False,
     budget: Annotated[
-        int | None, typer.Option("--budget", metavar="N", min=0, max=20, help="Deciding motions to play at most. [2]")
+        int | None,
+        typer.Option(
+            "--budget",
+            metavar="N",
+            min=0,
+            max=20,
+            help="Deciding motions to play at most; a reading with the drives off may come besides. [2]",
+        ),
     ] = None,
     motion: MotionsOption = None,
     track: Annotated[

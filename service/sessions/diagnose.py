@@ -4,7 +4,7 @@ drives while they are off where that decides, and judges again; at last it may m
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,8 @@ class DiagnoseArguments(BaseModel):
     motions: tuple[str, ...] = ()
     """By name or file; the installation's ``identification_motions`` when empty."""
     budget: int = Field(default=2, ge=0, le=20)
-    """Deciding motions, or readings, that there may be."""
+    """Deciding motions that there may be; where it is above zero, a reading of the drives while they are off may come
+    besides, once."""
     tolerance: float = 0.05
     track: str | None = None
     """A motion, by name or file, that is played at the end under both models' feedforward."""
@@ -77,7 +78,8 @@ class DiagnoseArm:
 
     async def perform(self, moving: MovingArm, session: Session, tell: Tell) -> dict[str, Any]:
         whole = 1.0 if self._following is None else 1.0 - LAST_SHARE
-        round_share = whole / (self._asked.budget + 1)
+        rounds = self._asked.budget + 2 if self._asked.budget else 1
+        round_share = whole / rounds
         first = part(tell, 0.0, round_share)
         recordings = list(self._asked.recordings)
         # Every motion once, then all again: friction that warms up does not look like noise.
@@ -85,7 +87,7 @@ class DiagnoseArm:
         drives_off = list(self._asked.drives_off)
         experiments: list[Mapping[str, Any]] = []
         answer = await self._judged(session, recordings, drives_off, experiments, first)
-        while len(experiments) < self._asked.budget and (designed := _undecided(answer)) is not None:
+        while (designed := undecided(answer, self._asked.budget, experiments)) is not None:
             begin = (len(experiments) + 1) * round_share
             another = part(tell, begin, begin + round_share)
             if designed["motion"] is None:
@@ -139,11 +141,18 @@ class DiagnoseArm:
         return await in_worker(request, part(tell, PLAYING_SHARE, 1.0))
 
 
-def _undecided(answer: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """The designed motion, or reading, of the ambiguous finding that it promises most for."""
+def undecided(
+    answer: Mapping[str, Any], budget: int, experiments: Sequence[Mapping[str, Any]]
+) -> Mapping[str, Any] | None:
+    """The designed motion, or reading, of the ambiguous finding that it promises most for, of those that there may be
+    yet."""
+    moved = sum(one["motion"] is not None for one in experiments)
+    may = {"move": moved < budget, "read": budget > 0 and moved == len(experiments)}
     designed = [
-        finding["next_experiment"]
+        one
         for finding in answer["findings"]
-        if finding["next_experiment"] is not None and finding["next_experiment"]["predicted_gap"] is not None
+        if (one := finding["next_experiment"]) is not None
+        and one["predicted_gap"] is not None
+        and may["read" if one["motion"] is None else "move"]
     ]
     return max(designed, key=lambda one: float(one["predicted_gap"]), default=None)

@@ -14,7 +14,7 @@ import pytest
 from config import InputError, load_installation
 from config.loader import HERE
 from config.motion import check_motion, load_motion, sample
-from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm
+from service.sessions.diagnose import DiagnoseArguments, DiagnoseArm, undecided
 from service.supervision import SupervisedProcess
 
 pytestmark = pytest.mark.timeout(900)
@@ -121,3 +121,16 @@ def test_what_was_found_stays_where_its_feedforward_is_not_played(model: str | N
     assert kept["notes"][0] == "before"
     assert said in kept["notes"][1]
     assert kept["gain"] == {"tracking": None}
+
+
+def test_a_reading_costs_no_motion_and_comes_once() -> None:
+    def said(gap: float, motion: str | None) -> dict[str, Any]:
+        return {"next_experiment": {"motion": motion, "drives_off_s": 30.0, "predicted_gap": gap}}
+
+    answer = {"findings": [said(9.0, None), said(5.0, "sweep.toml"), {"next_experiment": None}]}
+    reading, motion = (finding["next_experiment"] for finding in answer["findings"][:2])
+    assert undecided(answer, 1, []) is reading
+    assert undecided(answer, 1, [reading]) is motion
+    assert undecided(answer, 1, [motion]) is reading
+    assert undecided(answer, 1, [reading, motion]) is None
+    assert undecided(answer, 0, []) is None
