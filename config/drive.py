@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from config.errors import WrongKey
-from config.section import FilePath, Mode, Name, Quantity, Section
+from config.section import FilePath, Mode, Name, Positive, Quantity, Section
 
 
 class PdoObject(Section):
@@ -60,12 +60,14 @@ NEEDED: dict[tuple[Mode, str], tuple[str, ...]] = {
 
 TEMPERATURE = "temperature"
 """The object's name that tells how warm the motor is."""
+COLDEST, HOTTEST = -60.0, 250.0
+"""°C; no motor that turns is colder or hotter, but what is told in kelvin, or without a thermometer, reads so."""
 
 
 class DriveTemperature(Section):
     """The object ``temperature`` travels in a TPDO of its own, seldom: a motor does not warm within a cycle."""
 
-    celsius_per_count: float
+    celsius_per_count: Positive
     tpdo: Annotated[int, Field(ge=1, le=4)] = 4
     """Number of a TPDO that no layout uses."""
     every: Annotated[int, Field(ge=2, le=240)] = 240

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
+from config.drive import COLDEST, HOTTEST
 
 Array = NDArray[np.float64]
 
@@ -21,8 +22,6 @@ _LARGEST = 1e9
 """N·m, rad/s, rad/s²: far beyond any joint; a damaged number."""
 _LARGEST_ANGLE = 400.0
 """rad; an arm's joint does not turn 60 times, but an angle in degrees reads like that."""
-_COLDEST, _HOTTEST = -60.0, 250.0
-"""°C; no motor that turns is colder or hotter, but one in kelvin reads so."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,8 @@ class Trajectory:
             raise InputError(self.name, f"an angle of {largest:.0f} is no joint angle in rad", "convert degrees to rad")
         if self.temperature is not None and np.isfinite(self.temperature).any():
             low, high = float(np.nanmin(self.temperature)), float(np.nanmax(self.temperature))
-            if low < _COLDEST or high > _HOTTEST:
-                worst = low if low < _COLDEST else high
+            if low < COLDEST or high > HOTTEST:
+                worst = low if low < COLDEST else high
                 raise InputError(self.name, f"a temperature of {worst:.0f} is no joint's in °C", "convert kelvin to °C")
         for label in ("tau", "dq", "ddq"):
             value = getattr(self, label)

@@ -15,15 +15,19 @@ from driver.recording.joint_state_columns import JointStateColumns, NotJointStat
 from driver.recording.message_records import RECORD_HEAD_BYTES, SECOND, LogRecord
 from driver.recording.recording import Array, Event, Recording, check_increasing, find_gaps, gap_notes
 from driver.recording.run_writer import COMMAND, EVENTS, FEEDFORWARD, JOINT_STATES, METADATA
-from driver.recording.stamped_columns import StampedColumns, stamped_columns, temperature_at
+from driver.recording.stamped_columns import (
+    NotStamped,
+    StampedColumns,
+    of_thermometers,
+    stamped_columns,
+    temperature_at,
+)
 from driver.recording.topic_messages import Batch, McapFile, records_by_length
 
 JOINT_STATE_TYPES = (ros2.JOINT_STATE, "sensor_msgs/JointState")
 WRENCH = "/wrench"
 TEMPERATURE_TYPES = (ros2.TEMPERATURE, "sensor_msgs/Temperature")
 WRENCH_TYPES = (ros2.WRENCH_STAMPED, "geometry_msgs/WrenchStamped")
-COLDEST, HOTTEST = -60.0, 250.0
-"""°C; no motor that turns is colder or hotter."""
 Nanoseconds = NDArray[np.int64]
 
 
@@ -52,6 +56,9 @@ def read_mcap(path: Path, topic: str = JOINT_STATES) -> Recording:
         position = columns["position"]
         if position is None:
             raise InputError(f"{path}, {topic}", "has no positions", "record joint positions in rad")
+        if collected.temperatures and collected.temperatures.keys().isdisjoint(measured.joints):
+            named = ", ".join(sorted(collected.temperatures))
+            notes.append(f"temperatures are told of {named}, which are no joints of {topic}: they are left out")
         gaps = find_gaps(t)
         recording = Recording(
             path=path,
@@ -102,7 +109,7 @@ class _Collected:
             for channel_id in wrench:
                 self._take_wrenches(batch, channel_id)
             for channel_id in warmth:
-                for part in stamped_columns(batch, channel_id, 2):
+                for part in self._stamped(batch, channel_id, 2):
                     self.temperatures.setdefault(part.frame, []).append(part)
             for channel_id in events:
                 self._take_sentences(batch, channel_id)
@@ -118,10 +125,18 @@ class _Collected:
                 raise InputError(place, f"a message is no JointState: {error}", "check what publishes it") from None
 
     def _take_wrenches(self, batch: Batch, channel_id: int) -> None:
-        for part in stamped_columns(batch, channel_id, 6):
+        for part in self._stamped(batch, channel_id, 6):
             self.wrench_frame = self.wrench_frame or part.frame
             self._stamps.append(part.stamp_ns)
             self._wrenches.append(part.numbers)
+
+    def _stamped(self, batch: Batch, channel_id: int, count: int) -> list[StampedColumns]:
+        try:
+            return list(stamped_columns(batch, channel_id, count))
+        except NotStamped as error:
+            channel = self._file.channels[channel_id]
+            what = f"a message is no {self._file.topics()[channel.topic]}: {error}"
+            raise InputError(f"{self._file.path}, {channel.topic}", what, "check what publishes it") from None
 
     def _take_sentences(self, batch: Batch, channel_id: int) -> None:
         for place in batch.offsets.get(channel_id, ()):
@@ -257,7 +272,7 @@ def _with_own_channels(
     installation = attached_installation(file.attachments(), str(recording.path))
     wrench_t, wrench = collected.wrench(recording.start_ns)
     sensors = installation.wrench_sensor if installation else ()
-    temperature, notes = _of_thermometers(recording)
+    temperature, notes = of_thermometers(recording.joints, recording.temperature)
     return replace(
         recording,
         temperature=temperature,
@@ -274,21 +289,6 @@ def _with_own_channels(
         installation=installation,
         metadata=metadata,
     )
-
-
-def _of_thermometers(recording: Recording) -> tuple[Array | None, list[str]]:
-    """The temperatures of the joints whose drives have a thermometer, and a note on each other: what a drive tells
-    without one is often the end of its range."""
-    whole, notes = recording.temperature, list[str]()
-    if whole is None:
-        return None, notes
-    for joint, own in zip(recording.joints, whole.T, strict=True):
-        wrong = own[(own < COLDEST) | (own > HOTTEST)]
-        if len(wrong):
-            why = f"its drive tells {wrong[0]:.4g} °C, as one without a thermometer"
-            notes.append(f"the temperature of {joint} is left out: {why}")
-    kept = np.where(((whole < COLDEST) | (whole > HOTTEST)).any(axis=0), np.nan, whole)
-    return (None if np.isnan(kept).all() else kept), notes
 
 
 def _at_stamps(columns: JointStateColumns, stamp_ns: Nanoseconds) -> JointStateColumns:

@@ -9,12 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from config.drive import COLDEST, HOTTEST
 from driver.recording.message_records import RECORD_HEAD_BYTES, SECOND
 from driver.recording.topic_messages import Batch, records_by_length
 
 Array = NDArray[np.float64]
 BODY = RECORD_HEAD_BYTES + 4
 """Where the CDR body starts in a message record."""
+
+
+class NotStamped(ValueError):
+    """A message's bytes are no header with so many numbers; says why."""
 
 
 class StampedColumns(NamedTuple):
@@ -27,8 +32,13 @@ class StampedColumns(NamedTuple):
 
 def stamped_columns(batch: Batch, channel_id: int, count: int) -> Iterator[StampedColumns]:
     """The messages of a channel by frame and order of bytes: the stamp is at a body's start, ``count`` numbers at its
-    end, however long the name between them is."""
+    end, however long the name between them is. Raises `NotStamped`."""
     for _, rows in records_by_length(batch, channel_id):
+        least = BODY + 12 + 8 * count
+        if rows.shape[1] < least:
+            raise NotStamped(
+                f"it has {rows.shape[1] - BODY} bytes, and a header with {count} numbers has {least - BODY}"
+            )
         heads = np.column_stack([rows[:, RECORD_HEAD_BYTES + 1], rows[:, BODY + 8 : -8 * count]])
         alike, of_row = np.unique(heads, axis=0, return_inverse=True)
         for k, (little, *text) in enumerate(alike.tolist()):
@@ -58,3 +68,18 @@ def temperature_at(
             if len(order):
                 result[:, number] = np.interp(t, (stamp_ns[order] - start_ns) / SECOND, celsius[order])
     return None if np.isnan(result).all() else result
+
+
+def of_thermometers(joints: Sequence[str], whole: Array | None) -> tuple[Array | None, list[str]]:
+    """The temperatures (samples, joints) of the joints whose drives have a thermometer, and a note on each other: what a
+    drive tells without one is often the end of its range."""
+    notes: list[str] = []
+    if whole is None:
+        return None, notes
+    wrong = (whole < COLDEST) | (whole > HOTTEST)
+    for joint, own, beyond in zip(joints, whole.T, wrong.T, strict=True):
+        if beyond.any():
+            why = f"its drive tells {own[beyond][0]:.4g} °C, as one without a thermometer"
+            notes.append(f"the temperature of {joint} is left out: {why}")
+    kept = np.where(wrong.any(axis=0), np.nan, whole)
+    return (None if np.isnan(kept).all() else kept), notes

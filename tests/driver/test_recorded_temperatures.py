@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer as StockWriter
 
-from config import Installation
+from config import InputError, Installation
 from config.schema import VirtualHardware
 from driver.arm import ArmLoop
 from driver.bus.frames import pack
@@ -21,6 +22,7 @@ from driver.cyclic.cycle import Cycle, RawFrame
 from driver.recording import RecorderProcess, RunWriter, read_recording, replay
 from driver.recording import ros2_definitions as ros2
 from driver.recording.csv_recording import read_csv, write_csv
+from driver.recording.message_records import RECORD_HEAD_BYTES, JointStateRecord, TemperatureRecord
 
 WARM = """
 description = "Two motors that have run: the first cools quickly, the second holds its warmth"
@@ -85,6 +87,37 @@ def test_a_csv_holds_them_too(of_the_standin: Path, tmp_path: Path) -> None:
     assert again is not None
     assert recording.temperature is not None
     assert again[-1] == pytest.approx(recording.temperature[-1])
+
+
+def told_of_a_motor(path: Path, cut: int) -> Path:
+    """A bag of joint ``hip`` with temperatures of a frame that is no joint, one message without its last bytes."""
+    with path.open("wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start("ros2")
+        states, warmth = (
+            writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
+            for topic, kind in (("/joint_states", ros2.JOINT_STATE), ("/warmth", ros2.TEMPERATURE))
+        )
+        state = JointStateRecord(states, ["hip"], (True, False, False))
+        motor = TemperatureRecord(warmth, "motor_a")
+        for k in range(20):
+            at = 10_000_000 * (k + 1)
+            writer.add_message(states, at, state.pack(k, at, at, [0.1])[RECORD_HEAD_BYTES:], at)
+            told = motor.pack(k, at, at, 30.0)[RECORD_HEAD_BYTES:]
+            writer.add_message(warmth, at, told[: len(told) - cut] if k == 7 else told, at)
+        writer.finish()
+    return path
+
+
+def test_temperatures_of_no_joint_are_left_out_and_said(tmp_path: Path) -> None:
+    recording = read_recording(told_of_a_motor(tmp_path / "bag.mcap", 0))
+    assert recording.temperature is None
+    assert any("told of motor_a, which are no joints" in note for note in recording.notes)
+
+
+def test_a_temperature_that_is_cut_off_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"/warmth: a message is no sensor_msgs/msg/Temperature: it has \d+ bytes"):
+        read_recording(told_of_a_motor(tmp_path / "bag.mcap", 25))
 
 
 def test_a_drive_without_thermometer_is_left_out_and_said(
