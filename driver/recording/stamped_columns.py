@@ -71,7 +71,7 @@ def temperature_at(
 
 
 def of_thermometers(joints: Sequence[str], whole: Array | None) -> tuple[Array | None, list[str]]:
-    """The temperatures (samples, joints) of the joints whose drives have a thermometer, and a note on each other: what a
+    """The temperatures (samples, joints) of joints whose drives have a thermometer, and a note on each other: what a
     drive tells without one is often the end of its range."""
     notes: list[str] = []
     if whole is None:
