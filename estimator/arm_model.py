@@ -37,11 +37,11 @@ class FittedEffect:
 
     def torque(self, signals: Signals) -> Array:
         """(samples, n) N·m it adds to the measured torque."""
-        return effect(self.name).torque(self.place, self.parameters, signals, self.shape)
+        return effect(self.name).of(self.parameters).torque(self.place, self.parameters, signals, self.shape)
 
     def simulate(self, plant: PlantDraft) -> None:
         """Put it into a plant."""
-        effect(self.name).simulate_fitted(self.place, self.parameters, plant, self.shape)
+        effect(self.name).of(self.parameters).simulate_fitted(self.place, self.parameters, plant, self.shape)
 
     @property
     def measures_late(self) -> bool:

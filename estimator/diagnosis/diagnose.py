@@ -187,6 +187,12 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
         for other in f.alternatives[:1]
         if not other.decidable
     ]
+    if evidence.restless:
+        rub = ", ".join(given.joints[k] for k in evidence.restless)
+        notes.append(
+            f"playings of one motion differ mostly by the friction of {rub}, which is another one in each: that counts "
+            "as noise; record the joints' temperatures, or play each motion twice at once"
+        )
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

@@ -83,7 +83,7 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
 
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:
-    laws = [law for law in catalogue().values() if law.in_drive]
+    laws = [law for effect in catalogue().values() for law in effect.laws() if law.in_drive]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     hypotheses = [Hypothesis(law, place) for law in laws for place in law.places(body)]
     hypotheses += [Hypothesis(drawn, place) for drawn in MAPS for place in drawn.told_of(body, scales)]

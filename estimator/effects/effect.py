@@ -18,7 +18,7 @@ needs; maps have no more.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -117,6 +117,8 @@ class Law(ABC):
     sought: ClassVar[bool] = False
     """Whether its shape has so many dimensions that its grid is coarse in each: where it may stand for other causes,
     shapes between those of the grid are tried too (`around`)."""
+    drifts: ClassVar[bool] = False
+    """Whether its torque is another one in each playing of a motion."""
     recurs: ClassVar[bool] = False
     """Whether one place can have it several times, each with its own theta: the orders of a periodic torque."""
 
@@ -227,6 +229,14 @@ class Effect(Law):
     in_drive: ClassVar[bool] = False
     """Whether it acts between a motor and a torque sensor behind its gear: the sensor's torque stands for the model's
     there."""
+
+    def laws(self) -> tuple[Effect, ...]:
+        """All laws of its name: itself, and others of another kind."""
+        return (self,)
+
+    def of(self, parameters: Collection[str]) -> Effect:
+        """The one of its `laws` that has parameters of these names."""
+        return self
 
     @abstractmethod
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:

@@ -1,39 +1,32 @@
-"""Friction drift: the friction level goes from one value to another while a joint runs in, or with its temperature."""
+"""Friction drift: a joint's friction goes from one value to another while it runs in, or with its temperature."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.coulomb_friction import SHARP, WIDTHS
-from estimator.effects.effect import JointEffect, Parameters, Place, SeenAgainst
+from estimator.effects.drift import UNKNOWN, Drift, by_temperature
+from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
 from estimator.twin.plant import Instant, PlantDraft
 
 Array = NDArray[np.float64]
 
-SHORTEST = 0.2
-"""Of the time constants to try, as a share of the longest recording …"""
-SHORTEST_S = 4.0
-"""… but no less: nothing that a joint's work warms or wears in changes sooner, and in the time of a single stroke any
-law of friction looks like a change."""
-_UNKNOWN = 0.5
-"""Of the way from the coldest to the warmest, where a joint of unknown temperature is."""
 
+class FrictionDrift(Drift):
+    """The level of a dry friction that drifts; theta is `Drift`'s, and the width of the sign.
 
-class FrictionDrift(JointEffect):
-    """(final + (initial − final)·exp(−t/T))·sign(dq), t from the recording's start; or, where the joint's temperature
-    was recorded and changes, straight between the levels at the coldest and at the warmest. theta is T, which is zero
-    of the second law, the sign's width, and the two temperatures, which are zero of the first.
-
-    Of a motion that is only planned, and in the twin, the joint is half as warm as it gets."""
+    The name's other law is `ViscousDrift`."""
 
     name = "friction_drift"
     dry = True
     in_drive = True
+    ends = ("initial", "final")
     units: ClassVar = {
         "initial": "N·m",
         "final": "N·m",
@@ -41,75 +34,72 @@ class FrictionDrift(JointEffect):
         "initial_temperature": "°C",
         "final_temperature": "°C",
     }
-    hidden = (1,)
-    choices = (2, 3)
-    named_for = (0, 1)
+    hidden = (3,)
     confused_with = ("torque_offset", "coulomb_friction")
-    levels = (0, 1)
     contains = ("coulomb_friction",)
-    seen_against = "t"
     experiment = "repeat the first motion of {joint} last, after some minutes of work"
+
+    def laws(self) -> tuple[Effect, ...]:
+        return (self, VISCOUS)
+
+    def of(self, parameters: Collection[str]) -> Effect:
+        return VISCOUS if set(VISCOUS.ends) & set(parameters) else self
 
     def grid(self, place: Place, scales: Scales) -> Array:
         widths = np.array(WIDTHS) * scales.dq[self.joint(place)]
-        first = max(SHORTEST * scales.duration, SHORTEST_S)
-        times = np.geomspace(first, max(scales.duration, 2.0 * first), 3)
-        rows = [[time, width, 0.0, 0.0] for time in times for width in widths]
-        joint = self.joint(place)
-        if scales.warms(joint):
-            rows += [[0.0, width, scales.cold[joint], scales.warm[joint]] for width in widths]
-        return np.array(rows)
+        return np.array([[*course, width] for course in self.courses(place, scales) for width in widths])
 
-    def seen_at(self, theta: Array) -> SeenAgainst:
-        return "temperature" if _by_temperature(theta) else "t"
-
-    def told_by_repeats(self, theta: Array) -> bool:
-        return not _by_temperature(theta)
-
-    def redundant(self, theta: Array) -> int:
-        return 2 if _by_temperature(theta) else 0
-
-    def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        joint = self.joint(place)
-        sign = signals.direction(joint, float(theta[1]))
-        left = _colder(signals, joint, *theta[2:]) if _by_temperature(theta) else np.exp(-signals.t / theta[0])
-        return np.stack([sign * left, sign * (1.0 - left)], axis=1)[:, None, :]
-
-    def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
-        return self.nonnegative(2)
-
-    def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        initial, final = map(float, coefficients)
-        levels = {"initial": initial, "final": final}
-        if _by_temperature(theta):
-            return levels | {"initial_temperature": float(theta[2]), "final_temperature": float(theta[3])}
-        return levels | {"time_constant": float(theta[0])}
+    def carrier(self, place: Place, signals: Signals, shape: Array) -> Array:
+        return signals.direction(self.joint(place), float(shape[0]))
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        levels = np.array([float(parameters["initial"]), float(parameters["final"])])
-        if "time_constant" in parameters:
-            return np.array([float(parameters["time_constant"]), SHARP, 0.0, 0.0]), levels
-        ends = (float(parameters[name]) for name in ("initial_temperature", "final_temperature"))
-        return np.array([0.0, SHARP, *ends]), levels
+        course, levels = super().unknowns(place, parameters)
+        return np.append(course, SHARP), levels
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        (time, *_), (initial, final) = self.unknowns(place, parameters)
+        theta, (initial, final) = self.unknowns(place, parameters)
+        left = _in_the_twin(theta)
         plant.friction[self.joint(place)] += final
-
-        def more(at: Instant) -> float:
-            return float((initial - final) * (math.exp(-at.t / time) if time > 0.0 else _UNKNOWN))
-
-        plant.rubbing.append((self.joint(place), more))
+        plant.rubbing.append((self.joint(place), lambda at: (initial - final) * left(at)))
 
 
-def _by_temperature(theta: Array) -> bool:
-    return bool(theta[0] <= 0.0)
+class ViscousDrift(Drift):
+    """The coefficient of a viscous friction that drifts: grease is thinner when it is warm."""
+
+    name = "friction_drift"
+    in_drive = True
+    ends = ("initial_coefficient", "final_coefficient")
+    units: ClassVar = {
+        "initial_coefficient": "N·m·s/rad",
+        "final_coefficient": "N·m·s/rad",
+        "time_constant": "s",
+        "initial_temperature": "°C",
+        "final_temperature": "°C",
+    }
+    confused_with = ("viscous_friction",)
+    contains = ("viscous_friction",)
+    experiment = FrictionDrift.experiment
+
+    def grid(self, place: Place, scales: Scales) -> Array:
+        return np.array(self.courses(place, scales))
+
+    def carrier(self, place: Place, signals: Signals, shape: Array) -> Array:
+        return signals.dq[:, self.joint(place)]
+
+    def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
+        theta, (initial, final) = self.unknowns(place, parameters)
+        left = _in_the_twin(theta)
+        plant.viscous[self.joint(place)] += final
+        plant.spending.append((self.joint(place), lambda at: (initial - final) * left(at) * at.dq))
 
 
-def _colder(signals: Signals, joint: int, cold: float, warm: float) -> Array:
-    """(samples,) how far a joint is from the warmest, as a share; a half where its temperature is not known."""
-    temperature = np.full(signals.samples, np.nan) if signals.temperature is None else signals.temperature[:, joint]
-    return np.asarray(np.where(np.isfinite(temperature), (warm - temperature) / (warm - cold), _UNKNOWN))
+def _in_the_twin(theta: Array) -> Callable[[Instant], float]:
+    """What is left of the way from the first value to the last."""
+    if by_temperature(theta):
+        return lambda at: UNKNOWN
+    time = float(theta[0])
+    return lambda at: math.exp(-at.t / time)
 
 
+VISCOUS = ViscousDrift()
 EFFECT = FrictionDrift()

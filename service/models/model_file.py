@@ -220,7 +220,7 @@ def _entry(one: FittedEffect, body: RigidBody) -> EffectEntry:
     def name(joint: int | None) -> str | None:
         return None if joint is None else body.joints[joint]
 
-    hypothesis = Hypothesis(effect(one.name), one.place)
+    hypothesis = Hypothesis(effect(one.name).of(one.parameters), one.place)
     return EffectEntry(
         name=one.name,
         joint=name(one.place.joint),
@@ -244,6 +244,7 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     for joint in (entry.joint, entry.joint_other):
         if joint is not None and joint not in body.joints:
             raise InputError(f"effect {entry.name}", f"the arm has no joint {joint!r}", f"use {', '.join(body.joints)}")
+    found = found.of(entry.parameter)
     unknown = sorted(set(entry.parameter) - set(found.units))
     if unknown:
         raise InputError(f"effect {entry.name}", f"has no {unknown[0]!r}", f"it has {', '.join(found.units)}")

@@ -44,12 +44,12 @@ class ArmTorques:
     @property
     def momentary(self) -> ArmTorques:
         """The model without what remembers or needs the samples before: for the arm linearised at single instants."""
-        return self._with([one for one in self.model.effects if effect(one.name).momentary])
+        return self._with([one for one in self.model.effects if effect(one.name).of(one.parameters).momentary])
 
     @property
     def sliding(self) -> ArmTorques:
         """The model without dry friction: of trial and reference alike, by which a command's error is told."""
-        return self._with([one for one in self.model.effects if not effect(one.name).dry])
+        return self._with([one for one in self.model.effects if not effect(one.name).of(one.parameters).dry])
 
     def _with(self, effects: Sequence[FittedEffect]) -> ArmTorques:
         return replace(self, model=replace(self.model, effects=tuple(effects)))

@@ -23,7 +23,10 @@ PARAMETERS_OF = {
     "stribeck_friction": {"level", "breakaway", "velocity", "coefficient", "exponent"},
     "load_dependent_friction": {"coefficient"},
     "presliding": {"stiffness", "level"},
-    "friction_drift": {"initial", "final", "time_constant", "initial_temperature", "final_temperature"},
+    "friction_drift": {
+        *("initial", "final", "initial_coefficient", "final_coefficient"),
+        *("time_constant", "initial_temperature", "final_temperature"),
+    },
     "rotor_inertia": {"inertia"},
     "joint_spring": {"stiffness", "centre", "bend", "straight"},
     "joint_elasticity": {"stiffness", "damping"},
@@ -54,6 +57,8 @@ PRODUCT = rf"(1|{SYMBOL}(·{SYMBOL})*)(/{SYMBOL})*"
 UNIT = re.compile(rf"–|{PRODUCT}(, {PRODUCT})?")
 
 everyone = pytest.mark.parametrize("name", sorted(catalogue()))
+LAWS = [(name, law) for name, found in sorted(catalogue().items()) for law in found.laws()]
+every_law = pytest.mark.parametrize("found", [law for _, law in LAWS], ids=[type(law).__name__ for _, law in LAWS])
 
 
 def a_place(found: Effect, body: RigidBody) -> Place:
@@ -70,7 +75,10 @@ def possible(found: Effect, place: Place, scales: Scales, theta: Array, count: i
 
 
 def test_the_catalogue_is_the_documented_one() -> None:
-    assert {name: set(found.units) for name, found in catalogue().items()} == PARAMETERS_OF
+    told: dict[str, set[str]] = {}
+    for name, law in LAWS:
+        told.setdefault(name, set()).update(law.units)
+    assert told == PARAMETERS_OF
     with pytest.raises(Exception, match="not in the catalogue"):
         effect("gremlins")
 
@@ -92,7 +100,7 @@ def test_it_is_documented_with_its_parameters(name: str) -> None:
     rows = [line for line in (HERE.parent / "docs" / "effects.md").read_text().splitlines() if f"`{name}`" in line]
     assert rows, "docs/effects.md has no row for it"
     named = set(re.findall(r"`(\w+)`", "".join(rows)))
-    assert set(effect(name).units) - set(PARAMETERS[1:-1]) <= named
+    assert PARAMETERS_OF[name] - set(PARAMETERS[1:-1]) <= named
 
 
 @everyone
@@ -106,9 +114,9 @@ def test_places_and_rows_are_of_the_arm(name: str, arm: RigidBody) -> None:
         assert set(rows) <= set(range(6 if found.equation_at(place) == "wrench" else arm.n))
 
 
-@everyone
-def test_columns_are_finite_for_every_choice(name: str, signals: Signals, scales: Scales) -> None:
-    found, felt = effect(name), 0
+@every_law
+def test_columns_are_finite_for_every_choice(found: Effect, signals: Signals, scales: Scales) -> None:
+    felt = 0
     for place in found.places(signals.body):
         rows, free = len(found.rows(signals.body, place)), set()
         grid = found.grid(place, scales)
@@ -131,15 +139,14 @@ def test_columns_are_finite_for_every_choice(name: str, signals: Signals, scales
             assert low.shape == high.shape == (count,)
             assert np.all(low < high)
             # A gap's shape is made of its width: a far smaller one has another.
-            least = theta[0] if name == "backlash" else 0.0
+            least = theta[0] if found.name == "backlash" else 0.0
             assert np.all((low <= least) & (high > 0.0)), "an arm without the effect must be possible"
         assert len(free) <= 1, "without limits all have as many coefficients"
     assert felt
 
 
-@everyone
-def test_parameters_are_those_of_the_catalogue_and_come_back(name: str, signals: Signals, scales: Scales) -> None:
-    found = effect(name)
+@every_law
+def test_parameters_are_those_of_the_catalogue_and_come_back(found: Effect, signals: Signals, scales: Scales) -> None:
     place, told = a_place(found, signals.body), set[str]()
     for number, theta in enumerate(found.grid(place, scales)):
         count = found.columns(place, signals, theta).shape[2]
@@ -152,11 +159,10 @@ def test_parameters_are_those_of_the_catalogue_and_come_back(name: str, signals:
     assert told == set(found.units)
 
 
-@everyone
+@every_law
 def test_what_is_not_linear_in_its_size_is_small_in_the_grid_and_its_own_size_fitted(
-    name: str, signals: Signals, scales: Scales
+    found: Effect, signals: Signals, scales: Scales
 ) -> None:
-    found = effect(name)
     place = a_place(found, signals.body)
     about, theta = list(found.about), found.grid(place, scales)[0]
     coefficients = possible(found, place, scales, theta, found.columns(place, signals, theta).shape[2])
@@ -167,9 +173,8 @@ def test_what_is_not_linear_in_its_size_is_small_in_the_grid_and_its_own_size_fi
     np.testing.assert_allclose(own[about], back[: len(about)])
 
 
-@everyone
-def test_torque_is_what_the_columns_say(name: str, signals: Signals, scales: Scales) -> None:
-    found = effect(name)
+@every_law
+def test_torque_is_what_the_columns_say(found: Effect, signals: Signals, scales: Scales) -> None:
     place = a_place(found, signals.body)
     theta = found.grid(place, scales)[0]
     count = found.columns(place, signals, theta).shape[2]
@@ -188,9 +193,8 @@ def test_torque_is_what_the_columns_say(name: str, signals: Signals, scales: Sca
     np.testing.assert_allclose(found.torque(place, nothing, signals), 0.0, atol=1e-12)
 
 
-@everyone
-def test_it_says_how_it_moves_the_simulated_arm(name: str, signals: Signals, scales: Scales) -> None:
-    found = effect(name)
+@every_law
+def test_it_says_how_it_moves_the_simulated_arm(found: Effect, signals: Signals, scales: Scales) -> None:
     place = a_place(found, signals.body)
     theta = found.grid(place, scales)[0]
     count = found.columns(place, signals, theta).shape[2]
@@ -202,6 +206,11 @@ def test_it_says_how_it_moves_the_simulated_arm(name: str, signals: Signals, sca
         assert differs(before, plant)
     else:
         assert not differs(before, plant)
+
+
+@every_law
+def test_it_is_the_one_of_its_name_that_has_its_parameters(found: Effect) -> None:
+    assert effect(found.name).of(found.units) is found
 
 
 def differs(one: PlantDraft, other: PlantDraft) -> bool:

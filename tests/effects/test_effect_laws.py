@@ -244,6 +244,18 @@ def test_drift_begins_and_ends_where_it_says(signals: Signals) -> None:
     np.testing.assert_allclose(level[moving], 1.0 + 2.0 * np.exp(-signals.t[moving] / 0.5), atol=1e-6)
 
 
+def test_grease_that_warms_is_thinner(signals: Signals) -> None:
+    law, dq = effect("friction_drift").of(["initial_coefficient"]), signals.dq[:, 2]
+    by_time = {"initial_coefficient": 3.0, "final_coefficient": 1.0, "time_constant": 0.5}
+    np.testing.assert_allclose(
+        law.torque(ELBOW, by_time, signals)[:, 2], (1.0 + 2.0 * np.exp(-signals.t / 0.5)) * dq, atol=1e-9
+    )
+    ends = {"initial_coefficient": 3.0, "final_coefficient": 1.0, "initial_temperature": 20.0}
+    warming = np.repeat(20.0 + 4.0 * signals.t[:, None], signals.body.n, axis=1)
+    found = law.torque(ELBOW, ends | {"final_temperature": 40.0}, replace(signals, temperature=warming))[:, 2]
+    np.testing.assert_allclose(found, (3.0 - 0.1 * (warming[:, 2] - 20.0)) * dq, atol=1e-9)
+
+
 @pytest.mark.parametrize("frequency", [2.0, 9.0, 40.0])
 def test_a_lag_answers_a_sine_as_its_transfer_function(frequency: float) -> None:
     period, resonance, ratio = 1e-3, 10.0, 0.1

@@ -55,6 +55,7 @@ CASES = [
     Case("load_dependent_friction", JOINT, {"coefficient": 0.1}),
     Case("presliding", JOINT, {"stiffness": 500.0, "level": 5.0}),
     Case("friction_drift", JOINT, {"initial": 8.0, "final": 3.0, "time_constant": 0.5}),
+    Case("friction_drift", JOINT, {"initial_coefficient": 8.0, "final_coefficient": 3.0, "time_constant": 0.5}),
     Case("rotor_inertia", JOINT, {"inertia": 1.0}),
     Case("joint_spring", JOINT, {"stiffness": 8.0, "centre": 0.3}),
     Case("joint_spring", JOINT, {"stiffness": -8.0, "centre": 0.3}),

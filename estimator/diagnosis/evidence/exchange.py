@@ -126,7 +126,15 @@ def _with_residual_of(
     if span.stop - span.start < 2:
         return
     moments = t[span] + later
-    # What changes with time alone, as a drift does, goes with the torques.
-    signals = piece.signals.part(span, moments)
+    # What changes with time or temperature alone, as a drift does, goes with the torques.
+    signals = replace(piece.signals.part(span, moments), temperature=_temperature(donor, moments))
     residual = CubicSpline(given, donor.residual)(moments)
     yield Stretch(donor.recording, signals, residual, piece.rounding[span], piece.power)
+
+
+def _temperature(donor: Stretch, moments: Array) -> Array | None:
+    """(samples, n) °C of a stretch at other times."""
+    told = donor.signals.temperature
+    if told is None:
+        return None
+    return np.column_stack([np.interp(moments, donor.signals.t, own) for own in told.T])

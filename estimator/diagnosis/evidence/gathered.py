@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from config import InputError
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.evidence.design import Design, Hypothesis, make_design, stretch_rows
+from estimator.diagnosis.evidence.drifts import drifts
 from estimator.diagnosis.evidence.first_look import first_look, held, held_at, standing_throughout, with_turns
 from estimator.diagnosis.evidence.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.evidence.grams import Block, Sheet, sheets
@@ -57,6 +58,8 @@ class Evidence:
     """Blocks of each recording, at least."""
     slow: Callable[[], Sequence[Stretch]]
     """The pieces with the slow part of their motion alone; made when they are first asked for."""
+    restless: tuple[int, ...] = ()
+    """Joints whose friction is another one in each playing of a motion, and goes with nothing that was recorded."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
     bend: Array | None = None
@@ -84,10 +87,11 @@ def gather(
     repeats = find_repeats(trajectories)
     base = base_parameters(body)
     hypotheses = [
-        Hypothesis(effect, place)
+        Hypothesis(law, place)
         for effect in catalogue().values()
-        for place in effect.places(body)
-        if _told_of(given, effect, place)
+        for law in effect.laws()
+        for place in law.places(body)
+        if _told_of(given, law, place)
     ]
     scales = Scales.of([piece.signals for piece in pieces], grid.band)
     # Torques are the first channels, one a joint.
@@ -120,7 +124,8 @@ def weighed(
     exact[:, 0] = EXACT**2 * mean_power(pieces) + _LEAST**2
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     rows = playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces]))
-    noise = repeated_noise(rows, unseen, exact)
+    drifting = drifts(design, pieces, grid, repeats, rows, lambda own: repeated_noise(own, unseen, exact))
+    noise = repeated_noise(rows := drifting.left, unseen, exact)
     if noise is None:
         plain = Noise.none(len(grid.channels))
         noise = assumed_noise(
@@ -151,6 +156,7 @@ def weighed(
         folds,
         parts,
         cache(slow),
+        restless=drifting.restless,
     )
 
 
