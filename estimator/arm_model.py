@@ -43,6 +43,14 @@ class FittedEffect:
         """Put it into a plant."""
         effect(self.name).of(self.parameters).simulate_fitted(self.place, self.parameters, plant, self.shape)
 
+    def lateness(self, body: RigidBody) -> Array:
+        """(n,) s by which it makes torques late against the angles."""
+        law, result = effect(self.name).of(self.parameters), np.zeros(body.n)
+        if law.timed(self.place) and law.equation_at(self.place) == "torque":
+            theta, _ = law.unknowns(self.place, self.parameters)
+            result[list(law.rows(body, self.place))] = law.timed(self.place) * float(theta[0])
+        return result
+
     @property
     def measures_late(self) -> bool:
         """Whether it is a matter of recording alone: a motor need not be told."""
@@ -95,9 +103,11 @@ class ArmModel:
         return draft
 
     def _torque(self, signals: Signals, effects: Sequence[FittedEffect]) -> Array:
+        late = sum((one.lateness(self.body) for one in effects), np.zeros(self.body.n))
+        answered = signals.answering_to(late) if late.any() else signals
         total = signals.tau_rigid.copy()
         for one in effects:
-            total += one.torque(signals)
+            total += one.torque(answered)
         return total
 
 

@@ -19,9 +19,9 @@ from estimator.diagnosis.evidence.torques import (
     share_of_explainable,
     torque_channels,
 )
-from estimator.diagnosis.naming.bent_links import bent
 from estimator.diagnosis.naming.detectable import smallest_detectable
 from estimator.diagnosis.naming.judging import Judged, judge
+from estimator.diagnosis.naming.late_torques import as_fitted
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, unexplained_by
 from estimator.diagnosis.observed.first_body import has_bodies
 from estimator.diagnosis.observed.noise import Noise
@@ -100,7 +100,7 @@ def _held_out(
     design = refined.design
     chosen = torque_channels(design)
     if hold_out:
-        pieces = bent(cut(body, evidence.grid, hold_out), evidence.bend)
+        pieces = as_fitted(evidence, cut(body, evidence.grid, hold_out))
         whole = total(plain_blocks(design, pieces, [evidence.grid.decimation(p.signals.period) for p in pieces]))
         before, after = (
             residual_power(design, whole, np.zeros(design.size)),
@@ -124,7 +124,7 @@ def _held_out(
 
 def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:
     """Shown on what was held out where there is some."""
-    shown = bent(cut(body, evidence.grid, hold_out), evidence.bend) if hold_out else evidence.pieces
+    shown = as_fitted(evidence, cut(body, evidence.grid, hold_out)) if hold_out else evidence.pieces
     return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.likely, body.joints)
 
 

@@ -79,7 +79,7 @@ def _gathered(body: RigidBody, motors: Sequence[Trajectory], sensors: Sequence[T
     repeats = find_repeats(motors)
     unseen = np.zeros((len(told), ORDER + 1))
     slow = partial(_cut, body, grid.slower(), motors, sensors)
-    return weighed(design, grid, pieces, slow, unseen, motors, repeats)
+    return weighed(design, grid, pieces, slow, unseen, len(motors), repeats)
 
 
 def _design(body: RigidBody, grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:

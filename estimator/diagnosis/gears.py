@@ -117,7 +117,7 @@ def _gathered(
     unseen = np.zeros((len(told), ORDER + 1))
     unseen[:, 0] = counted
     slow = partial(_cut, body, grid.slower(), trajectories, motor_angles)
-    return weighed(_design(body, told, grid, pieces, rate), grid, pieces, slow, unseen, trajectories, repeats)
+    return weighed(_design(body, told, grid, pieces, rate), grid, pieces, slow, unseen, len(trajectories), repeats)
 
 
 def _design(body: RigidBody, told: Sequence[int], grid: Grid, pieces: Sequence[Stretch], rate: float) -> Design:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from estimator.kinematics import tip_jacobian, tip_positions
 from estimator.regressor import inverse_dynamics, torque_regressor
@@ -20,6 +22,7 @@ _AT_REST = 1e-6
 """rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
 _LEAST_WARMING = 2.0
 """°C over which a joint must have been, for its temperature to tell anything."""
+_OF_THE_MOTION = ("q", "dq", "ddq", "tau_rigid")
 _THIN = 8
 """Samples of a motion for each of which one place is kept."""
 
@@ -54,6 +57,8 @@ class Signals:
     """(samples, 6) N and N·m in the sensor's frame."""
     load_wrench: Array | None = None
     """(samples, 6) what the sensor should exert on the given load during this motion."""
+    recorded: Signals | None = None
+    """The motion as it was recorded, where the one that the torques answer to is another (`answering_to`)."""
 
     @classmethod
     def of_motion(cls, body: RigidBody, t: Array, q: Array, dq: Array, ddq: Array) -> Signals:
@@ -62,13 +67,30 @@ class Signals:
 
     def part(self, span: slice, t: Array) -> Signals:
         """Some neighbouring samples of it, at other times ``t`` s; what was worked out of the motion is kept."""
-        channels = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t")}
+        channels = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t", "recorded")}
         result = replace(self, t=t, **{name: x[span] for name, x in channels.items() if x is not None})
+        if self.recorded is not None:
+            result = replace(result, recorded=self.recorded.part(span, t))
         if "regressor" in self.__dict__:
             result.__dict__["regressor"] = self.regressor[span]
         if "sensitivity" in self.__dict__:
             result.__dict__["sensitivity"] = tuple(x[span] for x in self.sensitivity)
         return result
+
+    def answering_to(self, earlier: Array) -> Signals:
+        """Of torques that are late by so many s (n,), each joint's motion so much earlier, for all laws of torques;
+        what is compared with the motion itself, as a velocity, finds that in `recorded`."""
+        moved: dict[str, Any] = {name: getattr(self, name).copy() for name in _OF_THE_MOTION}
+        for late in np.unique(earlier[earlier != 0.0]):
+            joints = np.flatnonzero(earlier == late)
+            for name, channel in moved.items():
+                channel[:, joints] = CubicSpline(self.t, getattr(self, name)[:, joints])(self.t - late)
+        return replace(self, **moved, recorded=self)
+
+    @property
+    def as_recorded(self) -> Signals:
+        """The motion as it was recorded."""
+        return self if self.recorded is None else self.recorded
 
     @property
     def samples(self) -> int:

@@ -58,6 +58,8 @@ class TransportDelay(Effect):
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         by = -float(theta[0]) if place.channel == "position" else float(theta[0])
+        # What is late is told of the motion as it was recorded; all other laws are late with it.
+        signals = signals.as_recorded
         channel = {"velocity": signals.dq, "wrench": signals.load_wrench}.get(str(place.channel), signals.tau_rigid)
         assert channel is not None
         if place.joint is not None:

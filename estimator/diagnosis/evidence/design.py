@@ -252,7 +252,8 @@ class _Sink:
 def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
     """Channel and (columns, samples), each channel's in the order of its members."""
     kept, sign = np.array(design.base.kept, dtype=np.intp), design.base.sign
-    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": signals.ddq, "deflection": signals.dq}
+    still = signals.as_recorded
+    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": still.ddq, "deflection": still.dq}
     for number, (channel, reached) in enumerate(zip(design.channels, design.reached, strict=True)):
         if channel.equation == "torque":
             yield number, (signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
@@ -261,7 +262,7 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
     for number, of_one in groupby(design.candidates, key=lambda candidate: candidate.hypothesis):
         candidates, hypothesis = list(of_one), design.hypotheses[number]
         thetas = [candidate.theta for candidate in candidates]
-        made = hypothesis.effect.columns_of_each(hypothesis.place, signals, thetas)
+        made = hypothesis.effect.columns_of_each(hypothesis.place, _seen_by(hypothesis, signals), thetas)
         for candidate, columns in zip(candidates, made, strict=True):
             values = _with_speeds(hypothesis, candidate, signals, columns)
             for row, channel_index in enumerate(candidate.channels):
@@ -271,15 +272,20 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
 def candidate_columns(design: Design, candidate: Candidate, signals: Signals) -> Array:
     """(samples, channels, c) of a candidate, in the order of its channels."""
     hypothesis = design.hypotheses[candidate.hypothesis]
-    columns = hypothesis.effect.columns(hypothesis.place, signals, candidate.theta)
+    columns = hypothesis.effect.columns(hypothesis.place, _seen_by(hypothesis, signals), candidate.theta)
     return _with_speeds(hypothesis, candidate, signals, columns)
+
+
+def _seen_by(hypothesis: Hypothesis, signals: Signals) -> Signals:
+    """The motion that a law's equation is about."""
+    return signals if hypothesis.effect.equation_at(hypothesis.place) == "torque" else signals.as_recorded
 
 
 def _with_speeds(hypothesis: Hypothesis, candidate: Candidate, signals: Signals, columns: Array) -> Array:
     """A candidate's columns, with those of the speeds where it enters them."""
     if columns.shape[1] == len(candidate.channels):
         return columns
-    speeds = hypothesis.effect.speed_columns(hypothesis.place, signals, candidate.theta)
+    speeds = hypothesis.effect.speed_columns(hypothesis.place, signals.as_recorded, candidate.theta)
     return np.concatenate([columns, speeds], axis=1)
 
 

@@ -58,12 +58,16 @@ class Evidence:
     """Blocks of each recording, at least."""
     slow: Callable[[], Sequence[Stretch]]
     """The pieces with the slow part of their motion alone; made when they are first asked for."""
+    recordings: int
     restless: tuple[int, ...] = ()
     """Joints whose friction is another one in each playing of a motion, and goes with nothing that was recorded."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
     bend: Array | None = None
     """(10·n,) by which the links differ from the given ones of whose torques laws are made; None: they do not."""
+    late: Array | None = None
+    """(n,) s by which torques answer late to the motion; laws are made of the motion so much earlier. None: they do
+    not."""
 
 
 def gather(
@@ -103,7 +107,7 @@ def gather(
     unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
     unseen[:, 0] += _played_again(grid, trajectories, repeats)
     slow = partial(cut, body, grid.slower(), trajectories)
-    found = weighed(design, grid, pieces, slow, unseen, trajectories, repeats)
+    found = weighed(design, grid, pieces, slow, unseen, len(trajectories), repeats)
     return replace(found, tolerance=tolerance) if has_bodies(given) else found
 
 
@@ -113,7 +117,7 @@ def weighed(
     pieces: Sequence[Stretch],
     slow: Callable[[], Sequence[Stretch]],
     unseen: Array,
-    trajectories: Sequence[Trajectory],
+    recordings: int,
     repeats: Sequence[RepeatGroup],
 ) -> Evidence:
     """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
@@ -141,9 +145,9 @@ def weighed(
     noise = repeated_noise(rows, unseen, exact, left, stands) or noise
     again = max((len(group.occurrences) for group in repeats), default=1)
     noise = with_turns(look, pieces, decimations, noise, holding, again)
-    parts = parts_of(len(trajectories), repeats)
+    parts = parts_of(recordings, repeats)
     blocks = [sheet.compact() for sheet in sheets(design, pieces, decimations, noise, parts)]
-    folds = folds_of(blocks, len(trajectories), repeats)
+    folds = folds_of(blocks, recordings, repeats)
     return Evidence(
         design,
         grid,
@@ -156,6 +160,7 @@ def weighed(
         folds,
         parts,
         cache(slow),
+        recordings,
         restless=drifting.restless,
     )
 

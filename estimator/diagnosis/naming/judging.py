@@ -18,6 +18,7 @@ from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.findings import finding
 from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
 from estimator.diagnosis.naming.lack_of_fit import misfits
+from estimator.diagnosis.naming.late_torques import with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
@@ -68,14 +69,18 @@ class Judged:
 
 def judge(evidence: Evidence) -> Judged:
     """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave;
-    where their laws go with torques that the given links do not have, with those that were fitted; and where their
-    shapes on the grid are not sharp enough, with those that fit best."""
+    where their laws go with torques that the given links do not have, with those that were fitted; where torques are
+    late, with the motion that they answer to; and where their shapes on the grid are not sharp enough, with those that
+    fit best."""
     found = searched(evidence)
     if not evidence.noise.playings:
         evidence = by_what_is_left(evidence, found.scores, found.chosen)
         found = searched(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
+        evidence, found = other, searched(other)
+        stood, refined = _standing(found)
+    if (other := with_late_torques(evidence, found.scores, stood, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_SHARPER):

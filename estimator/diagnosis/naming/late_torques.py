@@ -1,0 +1,69 @@
+"""Laws of torques that are recorded late, by the motion that these answer to.
+
+A channel that is late is late with all that it holds: a friction's sign turns over as much later as the rigid body's
+torque is. Beside the angles of the same moment, a friction that is far above the noise is then another one at every
+reversal, and bristles, springs and links would mend it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.evidence.design import Design
+from estimator.diagnosis.evidence.gathered import Evidence, weighed
+from estimator.diagnosis.evidence.grams import sheets
+from estimator.diagnosis.evidence.refinement import Refined
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.bent_links import bent, nats_changed
+from estimator.diagnosis.observed.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+_WORTH = 3.0
+"""nats that a cause must be expected to explain more beside the motion that the torques answer to."""
+
+
+def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int], refined: Refined) -> Evidence | None:
+    """The evidence with columns of the motion that torques answer to, where some of them were found late among the
+    ``chosen``, or all angles; None where that changes none of the other causes. Where repeats tell the noise, it is
+    told anew: how sure torques are about reversals depends on it."""
+    late = _lateness(refined.design)
+    pieces = answering(evidence.pieces, late)
+    causes = [k for k in chosen if not scores.hypothesis(k).effect.timed(scores.hypothesis(k).place)]
+    design = evidence.design
+    if not late.any() or not any(
+        nats_changed(evidence, scores, list(chosen), k, design.candidates[k], pieces) > _WORTH for k in causes
+    ):
+        return None
+    slow = cache(lambda: answering(evidence.slow(), late))
+    if not evidence.noise.playings:
+        blocks = [one.compact() for one in sheets(design, pieces, evidence.decimations, evidence.noise, evidence.parts)]
+        return replace(evidence, pieces=tuple(pieces), blocks=tuple(blocks), slow=slow, late=late)
+    found = weighed(design, evidence.grid, pieces, slow, evidence.unseen, evidence.recordings, evidence.repeats)
+    return replace(found, tolerance=evidence.tolerance, bend=evidence.bend, late=late)
+
+
+def as_fitted(evidence: Evidence, pieces: Sequence[Stretch]) -> list[Stretch]:
+    """Stretches with the links, and the motion that torques answer to, of which the evidence's laws are made."""
+    return answering(bent(pieces, evidence.bend), evidence.late)
+
+
+def answering(pieces: Sequence[Stretch], late: Array | None) -> list[Stretch]:
+    """The same stretches with each joint's motion so many s (n,) earlier for all laws of torques; what is left of the
+    measured torques stays."""
+    return list(pieces) if late is None else [replace(p, signals=p.signals.answering_to(late)) for p in pieces]
+
+
+def _lateness(design: Design) -> Array:
+    """(n,) s by which torques are late against the angles, by the delays among a design's candidates."""
+    late = np.zeros(design.body.n)
+    for candidate in design.candidates:
+        effect, place = (h := design.hypotheses[candidate.hypothesis]).effect, h.place
+        if effect.timed(place) and effect.equation_at(place) == "torque":
+            late[list(effect.rows(design.body, place))] += effect.timed(place) * float(candidate.theta[0])
+    return late

@@ -1,0 +1,87 @@
+"""Torques that are recorded late, of joints that rub far above their noise: the friction is as late as the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.arm_model import ArmModel, FittedEffect
+from estimator.diagnosis.diagnose import diagnose
+from estimator.effects import Place, Signals
+
+Array = NDArray[np.float64]
+Periodic = Callable[..., tuple[Array, Array, Array, Array]]
+LATE, RATE, NOISE = 0.012, 500.0, 0.05
+LEVELS, VISCOUS = np.array([1.5, 2.0, 0.8]), np.array([0.8, 0.0, 0.5])
+
+
+def recorded(body: RigidBody, make_periodic: Periodic, late: Array) -> list[Trajectory]:
+    """Three motions, each played twice, of three joints whose torques are late by so many s (n,)."""
+    random, recordings = np.random.default_rng(3), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(3, 8.0, RATE, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        tau += LEVELS * np.tanh(dq / 0.01) + VISCOUS * dq
+        # Periodic, so that it is known before its first sample too.
+        whole = CubicSpline(np.append(t, t[-1] + 1.0 / RATE), np.vstack([tau, tau[:1]]), bc_type="periodic")
+        tau = np.stack([whole(t - own)[:, k] for k, own in enumerate(late)], axis=1)
+        for _ in range(2):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + NOISE * random.normal(size=q.shape)))
+    return recordings
+
+
+@pytest.mark.parametrize("joint", [None, 1])
+def test_frictions_are_named_as_they_are(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic, joint: int | None
+) -> None:
+    """Beside the angles of the same moment they were bristles, and rises from rest."""
+    body = make_chain("rrr")
+    late = np.where([joint in (None, k) for k in range(3)], LATE, 0.0)
+    found = diagnose(body, recorded(body, make_periodic, late))
+    told = {(f.effect, f.place.joint): f for f in found.findings}
+    expected = {("coulomb_friction", k) for k in range(3)} | {("viscous_friction", 0), ("viscous_friction", 2)}
+    assert set(told) == expected | {("transport_delay", joint)}
+    assert not found.unexplained
+    truth = {("coulomb_friction", k): ("level", LEVELS[k]) for k in range(3)}
+    truth |= {("viscous_friction", k): ("coefficient", VISCOUS[k]) for k in (0, 2)}
+    truth[("transport_delay", joint)] = ("delay", LATE)
+    for cause, (name, true) in truth.items():
+        parameter = told[cause].parameters[name]
+        assert abs(float(parameter.value) - true) < max(3.0 * float(parameter.standard_error or 0.0), 0.02 * true)
+
+
+def test_a_model_s_torque_is_late_with_all_that_it_holds(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    body = make_chain("rrr")
+    t, *motion = make_periodic(3, 8.0, RATE, 4)
+    friction = FittedEffect("viscous_friction", Place(1), {"coefficient": 4.0})
+    delay = FittedEffect("transport_delay", Place(channel="torque"), {"delay": LATE})
+    prompt = ArmModel(body, (friction,)).torque(*motion, t)
+    expected = CubicSpline(t, prompt)(t - LATE)
+    found = ArmModel(body, (friction, delay)).torque(*motion, t)
+    inner = slice(20, None)
+    np.testing.assert_allclose(found[inner], expected[inner], atol=1e-4 * np.abs(prompt).max())
+    early = FittedEffect("transport_delay", Place(channel="position"), {"delay": LATE})
+    found = ArmModel(body, (friction, early)).torque(*motion, t)
+    np.testing.assert_allclose(found[:-20], CubicSpline(t, prompt)(t + LATE)[:-20], atol=1e-4 * np.abs(prompt).max())
+
+
+def test_the_motion_as_it_was_recorded_stays_beside_the_one_that_torques_answer_to(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    t, *motion = make_periodic(3, 8.0, RATE, 5)
+    signals = Signals.of_motion(make_chain("rrr"), t, *motion)
+    late = signals.answering_to(np.array([0.0, 0.01, 0.01]))
+    np.testing.assert_array_equal(late.q[:, 0], signals.q[:, 0])
+    np.testing.assert_allclose(late.q[5:, 1:], signals.q[:-5, 1:], atol=1e-9)
+    part = late.part(slice(100, 200), t[100:200])
+    np.testing.assert_array_equal(part.as_recorded.q, signals.q[100:200])
+    np.testing.assert_array_equal(part.q, late.q[100:200])
+    assert signals.as_recorded is signals
