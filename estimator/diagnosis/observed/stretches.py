@@ -26,6 +26,8 @@ CHUNK = 16_384
 """Samples of the recording worked on at once."""
 KINEMATIC = 2.0
 """Times the rows' band, to which the kinematics are flat."""
+_DEGREE = 5
+"""Of the polynomial that does so."""
 _PERIODS = 3.0
 """Of the highest frequency of the calm motion, by which its ends are continued."""
 _WIDER = 5.0
@@ -194,12 +196,32 @@ def mean_power(pieces: Sequence[Stretch]) -> Array:
     return np.average([piece.power for piece in pieces], axis=0, weights=[piece.signals.samples for piece in pieces])
 
 
+def _beyond(measured: Array, period: int, more: int, rate: float) -> Array:
+    """(more, n) samples after the last: a motion with the speed and the acceleration of a polynomial through the last
+    two ``period`` samples, of which the acceleration fades within one. Reflected, it would lose its acceleration at
+    once, and smoothed, for most of a period before."""
+    last = measured[-max(2 * period, 2 * _DEGREE) :]
+    span, powers = len(last) / rate, np.arange(_DEGREE + 1)
+    told = np.linalg.lstsq(np.vander(np.arange(1 - len(last), 1) / len(last), len(powers), increasing=True), last)[0]
+    s = np.arange(1, more + 1) / rate
+    of_ddq = powers[2:] * (powers[2:] - 1) * np.vander(s / span, _DEGREE - 1, increasing=True) / span**2
+    fades = np.cos(0.5 * np.pi * np.minimum(s * rate / max(period, 1), 1.0)) ** 2
+    slope = told[1] / span + np.cumsum(fades[:, None] * (of_ddq @ told[2:]), axis=0) / rate
+    return np.asarray(told[0] + np.cumsum(slope, axis=0) / rate)
+
+
 def calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
-    """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach; continued beyond its ends by odd
-    reflection, and smoothed by its spectrum: a kernel as long as this band asks would cost the ends."""
+    """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach; continued beyond its ends, and
+    smoothed by its spectrum: a kernel as long as this band asks would cost the ends."""
     samples = len(measured)
-    more = min(samples - 1, int(_PERIODS * plan.rate / grid.motion))
-    padded = np.pad(measured, ((more, more), (0, 0)), mode="reflect", reflect_type="odd")
+    period, more = int(plan.rate / grid.motion), int(_PERIODS * plan.rate / grid.motion)
+    padded = np.vstack(
+        [
+            _beyond(measured[::-1], period, more, plan.rate)[::-1],
+            measured,
+            _beyond(measured, period, more, plan.rate),
+        ]
+    )
     # Without the line through its ends the padded motion is periodic without a jump.
     count = len(padded)
     drift = (padded[-1] - padded[0]) / (count - 1)
