@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.evidence.design import Design
+from estimator.diagnosis.evidence.design import Design, Hypothesis
 from estimator.diagnosis.evidence.gathered import Evidence, weighed
 from estimator.diagnosis.evidence.grams import sheets
 from estimator.diagnosis.evidence.refinement import Refined
@@ -34,16 +34,22 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     told anew: how sure torques are about reversals depends on it."""
     late = _lateness(refined.design)
     pieces = answering(evidence.pieces, late)
-    causes = [k for k in chosen if not scores.hypothesis(k).effect.timed(scores.hypothesis(k).place)]
+    delays = {k: own for k, own in zip(chosen, refined.design.candidates, strict=True) if _timed(scores.hypothesis(k))}
+    causes = [k for k in chosen if k not in delays]
     design = evidence.design
     if not late.any() or not any(
         nats_changed(evidence, scores, list(chosen), k, design.candidates[k], pieces) > _WORTH for k in causes
     ):
         return None
+    # Beside smaller errors of the others a delay of the grid is hardly the right one, and delays of joints mend it.
+    candidates = [
+        replace(own, theta=delays[k].theta) if k in delays else own for k, own in enumerate(design.candidates)
+    ]
+    design = replace(design, candidates=tuple(candidates))
     slow = cache(lambda: answering(evidence.slow(), late))
     if not evidence.noise.playings:
         blocks = [one.compact() for one in sheets(design, pieces, evidence.decimations, evidence.noise, evidence.parts)]
-        return replace(evidence, pieces=tuple(pieces), blocks=tuple(blocks), slow=slow, late=late)
+        return replace(evidence, design=design, pieces=tuple(pieces), blocks=tuple(blocks), slow=slow, late=late)
     found = weighed(design, evidence.grid, pieces, slow, evidence.unseen, evidence.recordings, evidence.repeats)
     return replace(found, tolerance=evidence.tolerance, bend=evidence.bend, late=late)
 
@@ -63,7 +69,13 @@ def _lateness(design: Design) -> Array:
     """(n,) s by which torques are late against the angles, by the delays among a design's candidates."""
     late = np.zeros(design.body.n)
     for candidate in design.candidates:
-        effect, place = (h := design.hypotheses[candidate.hypothesis]).effect, h.place
-        if effect.timed(place) and effect.equation_at(place) == "torque":
+        hypothesis = design.hypotheses[candidate.hypothesis]
+        if _timed(hypothesis):
+            effect, place = hypothesis.effect, hypothesis.place
             late[list(effect.rows(design.body, place))] += effect.timed(place) * float(candidate.theta[0])
     return late
+
+
+def _timed(hypothesis: Hypothesis) -> bool:
+    effect, place = hypothesis.effect, hypothesis.place
+    return bool(effect.timed(place)) and effect.equation_at(place) == "torque"

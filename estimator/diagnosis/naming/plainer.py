@@ -29,23 +29,41 @@ KUKA, which show them, 0.2 and more."""
 def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:
     """The chosen without those that another one of their place contains, or makes without them, and that, at its best
     shape, it hardly needs beside itself: they mended the shape that it has on the grid. Beside a dry friction they are
-    no more than a form of it where they explain less than any form is exact to."""
+    no more than a form of it where they explain less than any form is exact to; and so is a joint's delay beside the
+    delay of all, which a filter that is no delay leaves at each."""
     search = Search(scores)
     for candidate in tuple(chosen):
         others = [k for k in chosen if k != candidate]
-        wider = [
+        of_all = [k for k in others if _of_all_joints(scores, candidate, k)]
+        wider = of_all or [
             k for k in others if search.admission.contained(candidate, k) or candidate in made_with(scores, k, chosen)
         ]
-        if not wider:
+        if not wider or (of_all and _more_than_mended(scores, candidate, of_all, others)):
             continue
         fewer = search.ordered(others)
         shaped = fitted(evidence, scores, fewer)
         least = WORTH
-        if all(scores.hypothesis(k).effect.dry for k in wider):
+        if of_all:
+            least = np.inf
+        elif all(scores.hypothesis(k).effect.dry for k in wider):
             least = max(least, FORM * scores.nats_there(candidate, chosen))
         if of_form(refined.model, shaped.model) < least:
             chosen, refined = fewer, shaped
     return chosen, refined
+
+
+def _of_all_joints(scores: Scores, candidate: int, other: int) -> bool:
+    """Whether the other is of all joints what a candidate is of one."""
+    own, law = (scores.hypothesis(k) for k in (candidate, other))
+    return own.effect is law.effect and own.place != law.place and replace(own.place, joint=None) == law.place
+
+
+def _more_than_mended(scores: Scores, candidate: int, of_all: Sequence[int], others: Sequence[int]) -> bool:
+    """Whether a joint's own law explains more beside that of all joints than mends its form at that joint."""
+    channels = list(scores.design.candidates[candidate].channels)
+    own = scores.explained([candidate], others)[channels].sum()
+    both = scores.explained([candidate, *of_all], [k for k in others if k not in of_all])[channels].sum()
+    return bool(own > _MENDED * both)
 
 
 def simpler(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> tuple[list[int], Refined]:

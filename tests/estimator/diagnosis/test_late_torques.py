@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
-from estimator import RigidBody, Trajectory, inverse_dynamics
+from config import load_installation
+from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.diagnosis.diagnose import diagnose
 from estimator.effects import Place, Signals
@@ -54,6 +56,28 @@ def test_frictions_are_named_as_they_are(
     for cause, (name, true) in truth.items():
         parameter = told[cause].parameters[name]
         assert abs(float(parameter.value) - true) < max(3.0 * float(parameter.standard_error or 0.0), 0.02 * true)
+
+
+def test_torques_through_a_filter_are_late_alike(make_periodic: Periodic) -> None:
+    """A filter of the first order is no delay; what it leaves of one was told as a delay of each joint besides."""
+    installation = load_installation("seven")
+    urdf = installation.path.parent / installation.arm.urdf
+    body, late = load_rigid_body(urdf.read_text(), installation.joint_names), 0.008
+    levels, viscous = np.array([0.5, 0.6, 0.4, 1.5, 0.7, 0.3, 0.4]), np.array([0.6, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0])
+    random, recordings = np.random.default_rng(4), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(7, 6.0, RATE, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq)
+        noise = 0.01 * np.sqrt(np.mean(tau**2, axis=0))
+        kept = np.exp(-1.0 / (RATE * late))
+        tau += levels * np.tanh(dq / 0.03) + viscous * dq
+        tau = lfilter([1.0 - kept], [1.0, -kept], np.vstack([tau, tau]), axis=0)[len(t) :]
+        for _ in range(2):
+            measured = q + 1e-5 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + noise * random.normal(size=q.shape)))
+    delays = [f for f in diagnose(body, recordings).findings if f.effect == "transport_delay"]
+    assert [(f.place.joint, f.place.channel) for f in delays] == [(None, "torque")]
+    assert float(delays[0].parameters["delay"].value) == pytest.approx(late, rel=0.2)
 
 
 def test_a_model_s_torque_is_late_with_all_that_it_holds(
