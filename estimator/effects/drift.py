@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,8 @@ SHORTEST = 0.2
 SHORTEST_S = 4.0
 """… but no less: nothing that a joint's work warms or wears in changes sooner, and in the time of a single stroke any
 law of friction looks like a change."""
+COURSE = {"time_constant": "s", "initial_temperature": "°C", "final_temperature": "°C"}
+"""Units of the parameters of either course."""
 UNKNOWN = 0.5
 """Of the way from the coldest to the warmest, where a joint of unknown temperature is."""
 
@@ -35,8 +36,11 @@ class Drift(JointEffect):
     named_for = (0, 1)
     levels = (0, 1)
     seen_against = "t"
-    ends: ClassVar[tuple[str, str]]
-    """The parameters' names of both values."""
+
+    @classmethod
+    def ends(cls) -> list[str]:
+        """The parameters' names of both values."""
+        return [name for name in cls.units if name not in COURSE]
 
     @abstractmethod
     def carrier(self, place: Place, signals: Signals, shape: Array) -> Array:
@@ -67,13 +71,13 @@ class Drift(JointEffect):
         return self.nonnegative(2)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        values = dict(zip(self.ends, map(float, coefficients), strict=True))
+        values = dict(zip(self.ends(), map(float, coefficients), strict=True))
         if by_temperature(theta):
             return values | {"initial_temperature": float(theta[1]), "final_temperature": float(theta[2])}
         return values | {"time_constant": float(theta[0])}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        values = np.array([float(parameters[name]) for name in self.ends])
+        values = np.array([float(parameters[name]) for name in self.ends()])
         if "time_constant" in parameters:
             return np.array([float(parameters["time_constant"]), 0.0, 0.0]), values
         return np.array([0.0, *(float(parameters[f"{end}_temperature"]) for end in ("initial", "final"))]), values

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.coulomb_friction import SHARP, WIDTHS
-from estimator.effects.drift import UNKNOWN, Drift, by_temperature
+from estimator.effects.drift import COURSE, UNKNOWN, Drift, by_temperature
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
 from estimator.twin.plant import Instant, PlantDraft
@@ -26,14 +26,7 @@ class FrictionDrift(Drift):
     name = "friction_drift"
     dry = True
     in_drive = True
-    ends = ("initial", "final")
-    units: ClassVar = {
-        "initial": "N·m",
-        "final": "N·m",
-        "time_constant": "s",
-        "initial_temperature": "°C",
-        "final_temperature": "°C",
-    }
+    units: ClassVar = {"initial": "N·m", "final": "N·m"} | COURSE
     hidden = (3,)
     confused_with = ("torque_offset", "coulomb_friction")
     contains = ("coulomb_friction",)
@@ -43,7 +36,7 @@ class FrictionDrift(Drift):
         return (self, VISCOUS)
 
     def of(self, parameters: Collection[str]) -> Effect:
-        return VISCOUS if set(VISCOUS.ends) & set(parameters) else self
+        return VISCOUS if set(VISCOUS.ends()) & set(parameters) else self
 
     def grid(self, place: Place, scales: Scales) -> Array:
         widths = np.array(WIDTHS) * scales.dq[self.joint(place)]
@@ -68,14 +61,7 @@ class ViscousDrift(Drift):
 
     name = "friction_drift"
     in_drive = True
-    ends = ("initial_coefficient", "final_coefficient")
-    units: ClassVar = {
-        "initial_coefficient": "N·m·s/rad",
-        "final_coefficient": "N·m·s/rad",
-        "time_constant": "s",
-        "initial_temperature": "°C",
-        "final_temperature": "°C",
-    }
+    units: ClassVar = {"initial_coefficient": "N·m·s/rad", "final_coefficient": "N·m·s/rad"} | COURSE
     confused_with = ("viscous_friction",)
     contains = ("viscous_friction",)
     experiment = FrictionDrift.experiment

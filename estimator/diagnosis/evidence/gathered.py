@@ -21,7 +21,7 @@ from estimator.diagnosis.observed.assumed_noise import assumed_noise
 from estimator.diagnosis.observed.drives_off import read_off
 from estimator.diagnosis.observed.first_body import first_body, has_bodies
 from estimator.diagnosis.observed.grains import repeated_share, repeated_white
-from estimator.diagnosis.observed.noise import Noise, autocovariance
+from estimator.diagnosis.observed.noise import ORDER, Noise, autocovariance
 from estimator.diagnosis.observed.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.observed.stretches import Grid, Stretch, make_grid, mean_power, stretches, told_by
 from estimator.diagnosis.observed.tolerance import given_precision
@@ -124,8 +124,7 @@ def weighed(
     (channels, ORDER + 1), the autocovariance of errors that recur, is added to either. ``slow`` makes the pieces of
     `Evidence.slow`.
     """
-    exact = np.zeros_like(unseen)
-    exact[:, 0] = EXACT**2 * mean_power(pieces) + _LEAST**2
+    exact = exactness(pieces)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
     rows = playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces]))
     drifting = drifts(design, pieces, grid, repeats, rows, lambda own: repeated_noise(own, unseen, exact))
@@ -155,7 +154,7 @@ def weighed(
         tuple(decimations),
         tuple(repeats),
         noise,
-        unseen + exact,
+        unseen,
         tuple(blocks),
         folds,
         parts,
@@ -163,6 +162,14 @@ def weighed(
         recordings,
         restless=drifting.restless,
     )
+
+
+def exactness(pieces: Sequence[Stretch]) -> Array:
+    """(channels, ORDER + 1) autocovariance of errors than which nothing is computed more exactly."""
+    power = mean_power(pieces)
+    result = np.zeros((len(power), ORDER + 1))
+    result[:, 0] = EXACT**2 * power + _LEAST**2
+    return result
 
 
 def _told_of(given: RigidBody, effect: Effect, place: Place) -> bool:

@@ -33,13 +33,13 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     ``chosen``, or all angles; None where that changes none of the other causes. Where repeats tell the noise, it is
     told anew: how sure torques are about reversals depends on it."""
     late = _lateness(refined.design)
+    if not late.any():
+        return None
     pieces = answering(evidence.pieces, late)
     delays = {k: own for k, own in zip(chosen, refined.design.candidates, strict=True) if _timed(scores.hypothesis(k))}
     causes = [k for k in chosen if k not in delays]
     design = evidence.design
-    if not late.any() or not any(
-        nats_changed(evidence, scores, list(chosen), k, design.candidates[k], pieces) > _WORTH for k in causes
-    ):
+    if all(nats_changed(evidence, scores, list(chosen), k, design.candidates[k], pieces) <= _WORTH for k in causes):
         return None
     # Beside smaller errors of the others a delay of the grid is hardly the right one, and delays of joints mend it.
     candidates = [

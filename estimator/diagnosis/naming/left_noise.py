@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.diagnosis.evidence.gathered import Evidence
+from estimator.diagnosis.evidence.gathered import Evidence, exactness
 from estimator.diagnosis.evidence.grams import sheets
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.evidence.torques import rows_of
@@ -29,7 +29,8 @@ def by_what_is_left(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -
     left = [rows_of(design, *piece, value) for piece in zip(evidence.pieces, evidence.decimations, strict=True)]
     rows = sum(len(own) for own in left)
     free = max(1.0, rows - len(model.active) / len(design.channels))
-    covariance = WIDENED**2 * rows / free * autocovariance(left) + evidence.unseen
+    unseen = evidence.unseen + exactness(evidence.pieces)
+    covariance = WIDENED**2 * rows / free * autocovariance(left) + unseen
     rms = np.sqrt(covariance[:, 0])
     less = rms < noise.rms
     filters = np.array([autoregressive(row, free, ASSUMED_ORDER) for row in covariance])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence.drifts import drifts
-from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.gathered import exactness, gather
 from estimator.diagnosis.observed.repetition import lay, playings, repeated_noise
 
 Array = NDArray[np.float64]
@@ -96,7 +96,7 @@ def test_noise_alone_is_left_as_it_is(make_chain: Callable[..., RigidBody], make
         evidence = gather(body, played(body, make_periodic, law), 0.05)
         parts = evidence.design, evidence.pieces, evidence.grid, evidence.repeats
         rows = playings(evidence.repeats, evidence.grid, lay(evidence.pieces, [p.residual for p in evidence.pieces]))
-        found = drifts(*parts, rows, partial(repeated_noise, unseen=evidence.unseen, exact=0.0 * evidence.unseen))
+        found = drifts(*parts, rows, partial(repeated_noise, unseen=evidence.unseen, exact=exactness(evidence.pieces)))
         for own, whole in zip(found.left, rows, strict=True):
             np.testing.assert_array_equal(own, whole)
         assert not found.restless

@@ -58,6 +58,24 @@ def test_frictions_are_named_as_they_are(
         assert abs(float(parameter.value) - true) < max(3.0 * float(parameter.standard_error or 0.0), 0.02 * true)
 
 
+def test_angles_that_are_late_make_frictions_early(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    body, random, recordings = make_chain("rrr"), np.random.default_rng(5), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(3, 8.0, RATE, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + LEVELS * np.tanh(dq / 0.01)
+        whole = CubicSpline(np.append(t, t[-1] + 1.0 / RATE), np.vstack([q, q[:1]]), bc_type="periodic")(t - LATE)
+        for _ in range(2):
+            measured = whole + 1e-6 * random.normal(size=q.shape)
+            recordings.append(Trajectory(t, measured, tau + NOISE * random.normal(size=q.shape)))
+    found = {(f.effect, f.place.joint): f for f in diagnose(body, recordings).findings}
+    assert set(found) == {("coulomb_friction", k) for k in range(3)} | {("transport_delay", None)}
+    delay = found["transport_delay", None]
+    assert delay.place.channel == "position"
+    assert float(delay.parameters["delay"].value) == pytest.approx(LATE, rel=0.02)
+
+
 def test_torques_through_a_filter_are_late_alike(make_periodic: Periodic) -> None:
     """A filter of the first order is no delay; what it leaves of one was told as a delay of each joint besides."""
     installation = load_installation("seven")
