@@ -196,10 +196,15 @@ def mean_power(pieces: Sequence[Stretch]) -> Array:
     return np.average([piece.power for piece in pieces], axis=0, weights=[piece.signals.samples for piece in pieces])
 
 
-def _beyond(measured: Array, period: int, more: int, rate: float) -> Array:
-    """(more, n) samples after the last: a motion with the speed and the acceleration of a polynomial through the last
-    two ``period`` samples, of which the acceleration fades within one. Reflected, it would lose its acceleration at
-    once, and smoothed, for most of a period before."""
+def _reflected(measured: Array, period: int, more: int, rate: float) -> Array:
+    """(more, n) samples after the last: oddly reflected, as is right where a motion rests. One that goes on loses its
+    acceleration at once, and smoothed, for most of a period before."""
+    return np.pad(measured, ((0, more), (0, 0)), mode="reflect", reflect_type="odd")[len(measured) :]
+
+
+def _going_on(measured: Array, period: int, more: int, rate: float) -> Array:
+    """(more, n) samples after the last: with the speed and the acceleration of a polynomial through the last two
+    ``period`` samples, of which the acceleration fades within one. A motion that begins or ends there is none."""
     last = measured[-max(2 * period, 2 * _DEGREE) :]
     span, powers = len(last) / rate, np.arange(_DEGREE + 1)
     told = np.linalg.lstsq(np.vander(np.arange(1 - len(last), 1) / len(last), len(powers), increasing=True), last)[0]
@@ -211,17 +216,27 @@ def _beyond(measured: Array, period: int, more: int, rate: float) -> Array:
 
 
 def calm_motion(grid: Grid, plan: FilterPlan, measured: Array) -> Motion:
-    """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach; continued beyond its ends, and
-    smoothed by its spectrum: a kernel as long as this band asks would cost the ends."""
-    samples = len(measured)
-    period, more = int(plan.rate / grid.motion), int(_PERIODS * plan.rate / grid.motion)
-    padded = np.vstack(
-        [
-            _beyond(measured[::-1], period, more, plan.rate)[::-1],
-            measured,
-            _beyond(measured, period, more, plan.rate),
-        ]
+    """The motion below `Grid.motion`, on the samples that ``plan``'s kernels reach, smoothed by its spectrum: a kernel
+    as long as this band asks would cost the ends. Beyond each end it goes on in that way which leaves less of the
+    angles near it, joint by joint."""
+    period, rate = int(plan.rate / grid.motion), plan.rate
+    more = min(len(measured) - 1, int(_PERIODS * rate / grid.motion))
+    ways = [
+        (way(measured[::-1], period, more, rate)[::-1], way(measured, period, more, rate))
+        for way in (_reflected, _going_on)
+    ]
+    told, near = smooth_motion(plan, measured, None, None).q, max(int(_UNSURE * rate / grid.motion), 1)
+    apart = [np.square(_smoothed(grid, plan, measured, *way).q - told) for way in ways]
+    before, after = (
+        np.where(np.less(*(own[end].sum(axis=0) for own in apart)), *(way[side] for way in ways))
+        for side, end in enumerate((slice(near), slice(-near, None)))
     )
+    return _smoothed(grid, plan, measured, before, after)
+
+
+def _smoothed(grid: Grid, plan: FilterPlan, measured: Array, before: Array, after: Array) -> Motion:
+    """`calm_motion` of one that goes on so."""
+    padded, samples, more = np.vstack([before, measured, after]), len(measured), len(before)
     # Without the line through its ends the padded motion is periodic without a jump.
     count = len(padded)
     drift = (padded[-1] - padded[0]) / (count - 1)

@@ -35,6 +35,19 @@ def test_the_calm_motion_keeps_its_accelerations_at_its_ends(noise: float) -> No
     assert np.sqrt(np.mean(np.square(errors))) < 0.02 * np.sqrt(np.mean(np.square(sizes)))
 
 
+@pytest.mark.parametrize(("rest", "most"), [(0.3, 0.03), (0.5, 0.006)])
+def test_a_motion_that_begins_soon_after_its_recording_was_at_rest(rest: float, most: float) -> None:
+    """No polynomial is that: by one it was wrong by several times as much."""
+    t = np.arange(-rest, 1.3 + rest, 1e-3)
+    s = np.clip(t / 1.3, 0.0, 1.0)
+    q = 2.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5) + 1e-5 * np.random.default_rng(0).normal(size=len(t))
+    ddq = 2.0 * (60.0 * s - 180.0 * s**2 + 120.0 * s**3) / 1.3**2
+    plan, grid = plan_filter(1e3, 25.0, flat=KINEMATIC), Grid(25.0, (), np.zeros(1), 3.0)
+    true, near = ddq[plan.edge : len(t) - plan.edge], int(0.5 * 1e3 / 3.0)
+    error = calm_motion(grid, plan, q[:, None]).ddq[:, 0] - true
+    assert np.sqrt(np.mean(np.square(np.r_[error[:near], error[-near:]]))) < most * ddq.std()
+
+
 def test_a_heavy_load_leaves_nothing_at_the_ends_of_recordings(
     make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, Array, Array, Array]]
 ) -> None:
