@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 WORTH = 10.0
 """nats that the refined shapes explain more than those of the grid: what is less has no name of its own."""
+_OTHER_DELAY = 0.1
+"""Of a delay, by which it is another one than its shape's."""
 
 
 def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refined: Refined) -> Evidence | None:
@@ -59,13 +61,21 @@ def sharpened(evidence: Evidence, found: Searched, chosen: Sequence[int], refine
 
 def _as_large(evidence: Evidence, scores: Scores, chosen: list[int], refined: Refined) -> dict[int, Array]:
     """By candidate the shapes of those of the chosen that are not linear in their coefficients, and so large that it
-    shows, whether they explain more for it or not: the others that were chosen may have mended them."""
+    shows, whether they explain more for it or not: the others that were chosen may have mended them, or the channels'
+    timings a delay, which are not known better while its own shape needs them."""
     shapes = {}
     for k, fitted_one in zip(chosen, refined.design.candidates, strict=True):
-        own, about = evidence.design.candidates[k], list(scores.hypothesis(k).effect.about)
-        theta = own.theta.copy()
-        theta[about] = fitted_one.theta[about]
-        if about and nats_changed(evidence, scores, chosen, k, replace(own, theta=theta), evidence.pieces) > WORTH:
+        own, hypothesis = evidence.design.candidates[k], scores.hypothesis(k)
+        if hypothesis.effect.timed(hypothesis.place):
+            large = abs(float(fitted_one.theta[0] / own.theta[0]) - 1.0) > _OTHER_DELAY
+        elif about := list(hypothesis.effect.about):
+            theta = own.theta.copy()
+            theta[about] = fitted_one.theta[about]
+            other = replace(own, theta=theta)
+            large = nats_changed(evidence, scores, chosen, k, other, evidence.pieces) > WORTH
+        else:
+            large = False
+        if large:
             shapes[k] = fitted_one.theta
     return shapes
 
