@@ -212,6 +212,8 @@ class Scales:
     cold: Array
     warm: Array
     """(n,) °C; NaN of joints whose temperature some stretch does not tell"""
+    links: Array
+    """(n, 10) inertial parameters of the given model"""
 
     def warms(self, joint: int) -> bool:
         """Whether the joint's temperature is known, and changes."""
@@ -240,6 +242,7 @@ class Scales:
             tip=np.concatenate([piece.tip[::_THIN] for piece in pieces]),
             cold=temperature.min(axis=0),
             warm=temperature.max(axis=0),
+            links=pieces[0].body.prior().reshape(-1, 10),
         )
 
 

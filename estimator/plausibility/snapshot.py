@@ -22,8 +22,10 @@ from estimator.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 700
-_SECONDS = 60.0
-"""Of recordings looked at, spread over all of them."""
+_SECONDS = 600.0
+"""Of recordings looked at …"""
+_AT_ONCE = 10.0
+"""… in pieces of so many, spread over all of them: in its first part a joint may stand and another one move."""
 _FILTER_BAND = 0.5
 """Hz: kinematics and torques are smoothed alike, flat to six times this …"""
 _FLAT = 6.0
@@ -84,12 +86,13 @@ def take(trajectories: Sequence[Trajectory]) -> Snapshot | None:
 def _smoothed(trajectories: Sequence[Trajectory], band: float, limits: Array) -> Snapshot | None:
     """``limits`` (n,) rad/s: slower is at rest."""
     parts: list[list[Array]] = []
+    whole_time = sum(trajectory.samples / trajectory.rate for trajectory in trajectories)
+    every = max(1, round(whole_time / _SECONDS))
     for trajectory in trajectories:
         plan = plan_filter(trajectory.rate, band)
-        budget = round(_SECONDS / len(trajectories) * trajectory.rate)
-        for piece in trajectory.segments(min(CHUNK, max(budget, 4 * plan.edge)), 0):
-            if len(piece) <= 2 * plan.edge + 1:
-                continue
+        longest = CHUNK if every == 1 else max(round(_AT_ONCE * trajectory.rate), 4 * plan.edge)
+        long_enough = [piece for piece in trajectory.segments(longest, 0) if len(piece) > 2 * plan.edge + 1]
+        for piece in long_enough[::every]:
             t = trajectory.t[piece]
             q = resample(t, trajectory.q[piece], plan.rate)
             motion = smooth_motion(plan, q, None, None)
@@ -99,9 +102,6 @@ def _smoothed(trajectories: Sequence[Trajectory], band: float, limits: Array) ->
             usable = convolve(resample(t, bad[piece], plan.rate), np.abs(plan.smooth)) < _SPOILT
             whole = usable.astype(float)
             parts.append([motion.q, motion.dq, motion.ddq, tau, whole])
-            budget -= len(piece)
-            if budget <= 0:
-                break
     if not parts:
         return None
     q, dq, ddq, tau, usable = (np.concatenate(x) for x in zip(*parts, strict=True))

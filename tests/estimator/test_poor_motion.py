@@ -42,6 +42,21 @@ def test_recordings_are_taken_together(dda: RigidBody) -> None:
     assert missing_motions(dda, [recorded(RAMP, SWEEP, 0.0 * T), recorded(-0.7 * RAMP, 0.0 * T, SWEEP)]) == []
 
 
+def test_joints_that_move_one_after_the_other_move(dda: RigidBody) -> None:
+    """In long recordings, of which none is looked at from end to end."""
+    t = np.arange(0.0, 720.0, 0.02)
+
+    def sweep(joint: int) -> Array:
+        return np.where((t > 240.0 * joint) & (t < 240.0 * (joint + 1)), np.sin(0.5 * np.pi * t), 0.0)
+
+    q = np.stack([sweep(joint) for joint in range(3)], axis=1)
+    random = np.random.default_rng(0)
+    recordings = [Trajectory(t, q + 1e-5 * random.normal(size=q.shape), random.normal(size=q.shape)) for _ in range(3)]
+    assert missing_motions(dda, recordings) == []
+    # A minute of each, as long as a whole look at them.
+    assert missing_motions(dda, [one.rows(slice(10500, 13500)) for one in recordings[:1]])[0].startswith("joint3 never")
+
+
 @pytest.mark.parametrize("unit", [1e3, 1e9, 1.0 / 6000.0])
 def test_times_that_are_not_in_seconds(unit: float) -> None:
     right = recorded(SWEEP, 0.5 * SWEEP, 2.0 * SWEEP)

@@ -42,24 +42,29 @@ class Chance:
         pull = np.zeros((len(model.active), DRAWS))
         pull[:given] = np.linalg.cholesky(model.design.precision) @ random.standard_normal((given, DRAWS))
         self._taken = model.halfway(noise[model.active] - pull)
-        self._laws: dict[int, tuple[Array, Array]] = {}
+        self._laws: dict[tuple[int, int], tuple[Array, Array]] = {}
 
-    def alone(self, hypothesis: int, gain: float) -> float:
-        """Probability that chance makes this one hypothesis as surprising."""
-        if hypothesis not in self._laws:
-            own = [k for k, c in enumerate(self._model.design.candidates) if c.hypothesis == hypothesis]
-            self._laws[hypothesis] = _gamma(self._gains(groups_of(self._model.design, own))[hypothesis])
-        shape, scale = self._laws[hypothesis]
-        return float(gammaincc(shape, max(gain, 0.0) / scale))
+    def alone(self, candidate: int, gain: float) -> float:
+        """Probability that chance makes this one's hypothesis as surprising. A form of few coefficients is held against
+        those with as many, and the hypothesis counts once for each number that its forms have."""
+        design = self._model.design
+        hypothesis, size = design.candidates[candidate].hypothesis, len(design.candidates[candidate].columns)
+        forms = [k for k, c in enumerate(design.candidates) if c.hypothesis == hypothesis]
+        sizes = {len(design.candidates[k].columns) for k in forms}
+        if (hypothesis, size) not in self._laws:
+            own = [k for k in forms if len(design.candidates[k].columns) == size]
+            self._laws[hypothesis, size] = _gamma(self._gains(groups_of(design, own))[hypothesis])
+        shape, scale = self._laws[hypothesis, size]
+        return min(1.0, len(sizes) * float(gammaincc(shape, max(gain, 0.0) / scale)))
 
-    def false_alarm(self, hypothesis: int, gain: float) -> float:
-        """Probability that chance makes any hypothesis of the family as surprising as this one."""
-        return float(-np.expm1(-self.tests * self.alone(hypothesis, gain)))
+    def false_alarm(self, candidate: int, gain: float) -> float:
+        """Probability that chance makes any hypothesis of the family as surprising as this one's."""
+        return float(-np.expm1(-self.tests * self.alone(candidate, gain)))
 
-    def excluded(self, hypothesis: int, gain: float, false_alarm: float) -> bool:
+    def excluded(self, candidate: int, gain: float, false_alarm: float) -> bool:
         """Whether that probability is no more than ``false_alarm``; of one that alone is no surprise the others are not
         asked."""
-        return self.alone(hypothesis, gain) <= false_alarm and self.false_alarm(hypothesis, gain) <= false_alarm
+        return self.alone(candidate, gain) <= false_alarm and self.false_alarm(candidate, gain) <= false_alarm
 
     @cached_property
     def tests(self) -> float:

@@ -143,12 +143,13 @@ class Scores:
         if self.is_map[own.hypothesis]:
             return len(own.columns)
         neutral = self.design.hypotheses[own.hypothesis]
-        told = neutral.effect.parameters(neutral.place, own.theta, np.ones(len(own.columns)))
+        effect, free = neutral.effect, len(own.theta) - len(neutral.effect.choices)
+        told = effect.parameters(neutral.place, own.theta, np.ones(len(own.columns)))
         enter = np.zeros(len(own.columns), dtype=bool)
         for channel in own.channels:
             enter |= np.diag(self.total.grams[channel])[self.design.position[channel][own.columns]] > 0.0
-        size = min(int(enter.sum()) + len(own.theta), sum(np.size(value) for value in told.values()))
-        return size - len(neutral.effect.forms) - neutral.effect.redundant(own.theta)
+        numbers = sum(np.size(value) for value in told.values()) - effect.redundant(own.theta)
+        return min(int(enter.sum()) + free, numbers) - len(effect.forms)
 
     def penalty(self, chosen: Sequence[int]) -> float:
         """Nats that a model's freedom costs (Bayesian information criterion)."""

@@ -41,6 +41,8 @@ _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
 """Of the tolerance: links that are off by no more."""
+_BEYOND = 8.0
+"""nats that a link's change costs the given tolerance: four of its standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -132,10 +134,19 @@ def _margin(tried: Searched, best: Searched, share: float) -> float:
 
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:
-    """Whether no link is a cause now that the given tolerance leaves no room for, nor a load: a link that is off within
-    its tolerance is what the tolerance says, even if all others are better."""
+    """Whether no body is a cause now that the given tolerance leaves no room for: a link that is off within its
+    tolerance is what the tolerance says, even if all others are better. One that is off by far more is none, where all
+    others are exact."""
     new = tried.effects - first.effects
-    return "link_inertia" not in new and (share <= _EXACT or "payload" not in new)
+    if "link_inertia" in new:
+        wide, links = (
+            first.widest,
+            [k for k in tried.chosen if first.scores.hypothesis(k).effect.name == "link_inertia"],
+        )
+        beyond = [wide.nats(tried.chosen) - wide.nats([c for c in tried.chosen if c != k]) for k in links]
+        if share > _EXACT or min(beyond) < _BEYOND:
+            return False
+    return share <= _EXACT or "payload" not in new
 
 
 def _precise(design: Design, tolerance: float) -> Array:

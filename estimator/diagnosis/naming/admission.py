@@ -80,7 +80,7 @@ class Admission:
         return beyond_chance and self._matters(candidate, chosen) and self._apart(candidate, chosen)
 
     def _no_chance(self, candidate: int, gain: float, false_alarm: float) -> bool:
-        return self.scores.chance.excluded(int(self.scores.owner[candidate]), gain, false_alarm)
+        return self.scores.chance.excluded(candidate, gain, false_alarm)
 
     def stands_out(self, candidate: int, chosen: list[int]) -> bool:
         """Whether a line stands out of the spectrum that is left beside it and all that are ``chosen``, whose lines

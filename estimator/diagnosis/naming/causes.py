@@ -50,8 +50,10 @@ def _judged(
     scores = admission.scores
     others = [c for c in chosen if c != candidate]
     own = int(scores.owner[candidate])
-    gain = next((row[1] for row in scores.ranked(others) if scores.owner[row[0]] == own), 0.0)
-    false_alarm = scores.chance.false_alarm(own, gain)
+    best, gain = next(
+        ((row[0], row[1]) for row in scores.ranked(others) if scores.owner[row[0]] == own), (candidate, 0.0)
+    )
+    false_alarm = scores.chance.false_alarm(best, gain)
     held_out = scores.held_out(candidate, others)
     if alternatives is None:
         # A rival that fits better and was not admitted is no better than the cause.

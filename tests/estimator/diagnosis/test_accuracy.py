@@ -28,10 +28,12 @@ LOAD = 0.04
 def diagnosed(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Diagnoser:
     """Two playings of three motions of an arm whose links' masses and inertias are off by a scatter."""
 
-    def make(scatter: float, seed: int, payload: float = 0.0) -> Diagnosis:
+    def make(scatter: float, seed: int, payload: float = 0.0, heavier: dict[int, float] | None = None) -> Diagnosis:
         random = np.random.default_rng(seed)
         true = six_axis.prior() * (1.0 + scatter * np.repeat(random.normal(size=six_axis.n), 10))
         true[-10] += payload
+        for link, share in (heavier or {}).items():
+            true[10 * link : 10 * link + 10] += share * six_axis.prior()[10 * link : 10 * link + 10]
         recordings = []
         for motion in range(3):
             t, q, dq, ddq = make_periodic(six_axis.n, 8.0, 250.0, 10 * seed + motion)
@@ -71,6 +73,25 @@ def test_no_scatter_of_the_links_is_a_cause(diagnosed: Diagnoser, scatter: float
     found = diagnosed(scatter, seed)
     assert found.verdict == "clean", found.findings
     assert borne_out(found) or scatter > 0.01
+
+
+@pytest.mark.parametrize(("scatter", "share"), [(0.02, 0.45), (0.0, 0.25)])
+@pytest.mark.parametrize("link", [1, 2])
+def test_a_link_that_is_heavier_by_far_is_named(
+    six_axis: RigidBody, diagnosed: Diagnoser, scatter: float, share: float, link: int
+) -> None:
+    """With one unknown, its density, where ten would take more to be believed than the tolerance costs."""
+    found = diagnosed(scatter, 0, heavier={link: share})
+    (only,) = found.findings
+    assert (only.effect, only.place.joint, only.status) == ("link_inertia", link, "named")
+    mass = only.parameters["m"]
+    assert abs(float(mass.value) / (share * six_axis.prior()[10 * link]) - 1.0) < 0.25
+
+
+@pytest.mark.parametrize("link", [1, 2])
+def test_a_link_that_is_heavier_within_its_tolerance_is_no_cause(diagnosed: Diagnoser, link: int) -> None:
+    """Even if all others are exact."""
+    assert diagnosed(0.0, 0, heavier={link: 0.06}).verdict == "clean"
 
 
 def test_exact_links_leave_less_unseen(diagnosed: Diagnoser) -> None:
