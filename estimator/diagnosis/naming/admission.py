@@ -34,6 +34,9 @@ RECURRING = 0.75
 """Of what a cause explains, the share that must be there with angles that have other errors …"""
 _SLOWLY = 0.5
 """… and of a dry friction: where a joint hardly moves, other errors of its angle are another sign of its speed."""
+_OF_DRY_FRICTION = 2e-4
+"""Of what dry frictions explain in its channels, what any other cause must: what that is is exact to a seventieth of
+their torque at best, however small the noise and however well all is explained with it."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _A_SPECTRUM = 8
@@ -193,7 +196,16 @@ class Admission:
         own = [c for c in chosen if self.scores.owner[c] == self.scores.owner[candidate]]
         lost = self.scores.explained(own, [c for c in (*chosen, *forms) if c not in own])
         channels = list(self.design.candidates[candidate].channels)
-        return float(np.max((lost / np.maximum(trifle, LEAST_SEEN))[channels]))
+        return float(np.max((lost / np.maximum(trifle, self._least(candidate, chosen)))[channels]))
+
+    def _least(self, candidate: int, chosen: list[int]) -> Array:
+        """(channels,) of the noise's variance, what a cause must explain beside those that are chosen, if they fit ever
+        so well."""
+        dry = [k for k in chosen if self.scores.hypothesis(k).effect.dry]
+        if not dry or self._rubs(candidate):
+            return np.full(len(self.design.channels), LEAST_SEEN)
+        friction = self.scores.explained(dry, [k for k in chosen if k not in dry])
+        return np.asarray(np.maximum(LEAST_SEEN, _OF_DRY_FRICTION * friction))
 
     def _share_of(self, explainable: Array, candidate: int, chosen: list[int], forms: Sequence[int]) -> Array:
         """(channels,) of the ``explainable``, what is too little for a cause to be told. Of what frictions explain that

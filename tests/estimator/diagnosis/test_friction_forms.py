@@ -102,3 +102,17 @@ def test_a_stribeck_friction_falls_from_rest(level: float, rise: float, viscous:
     """By a tenth of its level at some speed, whatever the viscous one beside it."""
     law = catalogue()["stribeck_friction"]
     assert law.differs(np.array([0.25, 1.4, 0.001]), np.array([level, rise, viscous])) == falls
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.008, False), (0.04, True)])
+def test_what_is_a_hundredth_of_dry_friction_has_no_name(
+    make_chain: Callable[..., RigidBody], play_twice: Play, share: float, named: bool
+) -> None:
+    """Whatever it looks like, and however far it is above the noise: no friction has its law's form to that."""
+    body = make_chain("rr")
+
+    def rippled(q: Array, dq: Array) -> Array:
+        return FIRST * (np.tanh(dq / 0.02) + share * np.sqrt(2.0) * np.sin(9.0 * q))
+
+    found = diagnose(body, play_twice(body, rippled, noise=0.01))
+    assert ("cogging" in {finding.effect for finding in found.findings}) == named
