@@ -54,7 +54,7 @@ class LinkInertia(Effect):
         assert place.joint is not None
         span = slice(10 * place.joint, 10 * place.joint + 10)
         columns = signals.regressor[:, self.rows(signals.body, place), span]
-        if theta[0] == WHOLE:
+        if _form(theta) == WHOLE:
             columns[:, :, ~signals.distinguishable[place.joint]] = 0.0
         return np.asarray(columns @ _of_form(theta))
 
@@ -73,11 +73,16 @@ class LinkInertia(Effect):
         plant.parameters[10 * place.joint : 10 * place.joint + 10] += self.unknowns(place, parameters)[1]
 
 
+def _form(theta: Array) -> float:
+    """What lies between the forms, as when an error is propagated, is the nearer one."""
+    return float(np.round(theta[0]))
+
+
 def _of_form(theta: Array) -> Array:
     """(10, c) the ten parameters per unit of each coefficient."""
-    if theta[0] == WHOLE:
+    if _form(theta) == WHOLE:
         return np.eye(10)
-    if theta[0] == ADDED:
+    if _form(theta) == ADDED:
         return np.vstack([np.eye(4), turning_of_mass_near(theta[1:4])])
     return np.insert(theta[1:], 0, 1.0)[:, None]
 

@@ -127,6 +127,9 @@ def test_columns_are_finite_for_every_choice(found: Effect, signals: Signals, sc
             count = columns.shape[2]
             assert columns.shape == (signals.samples, rows, count)
             assert np.isfinite(columns).all()
+            # Slopes are taken beside it, where a choice is still the same.
+            for beside in (0.999 * theta, theta + 1e-3 * (theta == 0.0)):
+                assert found.columns(place, signals, beside).shape == columns.shape
             if speeds := found.speed_rows(signals.body, place):
                 assert found.equation_at(place) == "torque"
                 assert found.speed_columns(place, signals, theta).shape == (signals.samples, len(speeds), count)
