@@ -26,12 +26,6 @@ def unit_mass_slopes(centre: Array) -> Array:
     return np.stack([slope[_UPPER] for slope in slopes], axis=1)
 
 
-def turning_of_mass_near(centre: Array) -> Array:
-    """(6, 4) inertia about the origin per unit of mass and first moment of a mass near ``centre`` (3,) m, right to the
-    square of how far it is from there."""
-    return np.column_stack([-unit_mass_at(centre), unit_mass_slopes(centre)])
-
-
 def about_centre(parameters: Array) -> Array:
     """(6,) kg·m², inertia about the centre of the body with these ten parameters (mass, first moments, inertia about
     the frame's origin). Its mass must not be zero."""

@@ -9,24 +9,23 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.parallel_axis import turning_of_mass_near
 from estimator.rigid_body import PARAMETERS, UNITS, RigidBody
 from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
-WHOLE, ADDED, DENSER = 0.0, 1.0, 2.0
-"""What the link may have beside the model's, an entry of theta: any ten parameters; a mass near its centre; the same
-body once more, for a share of its mass."""
+WHOLE, DENSER = 0.0, 1.0
+"""What the link may have beside the model's, an entry of theta: any ten parameters, or the same body once more, for a
+share of its mass."""
 
 
 class LinkInertia(Effect):
     """The parameters are what the link has beside the model's. Of any ten those are zero that a motion cannot tell
     from others of the same link, whatever it is: their columns are zero.
 
-    Ten unknowns take much to be believed; most links that are off have a mass that their drawing lacks, whose first
-    moment says where, or are of another density. theta is which of these it is, then centre (m) and inertia (m²) of the
-    given link, of a unit of its mass.
+    Ten unknowns take much to be believed, and a link of another density has one. theta is which of these it is, then
+    centre (m) and inertia (m²) of the given link, of a unit of its mass. Where nothing of the link but its inertia
+    about an axis tells, that is told, and no density.
     """
 
     name = "link_inertia"
@@ -48,14 +47,17 @@ class LinkInertia(Effect):
         link = scales.links[place.joint]
         if link[0] <= 0.0:
             return np.zeros((1, 10))
-        return np.vstack([np.zeros(10), *(np.insert(link[1:] / link[0], 0, form) for form in (ADDED, DENSER))])
+        return np.vstack([np.zeros(10), np.insert(link[1:] / link[0], 0, DENSER)])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         assert place.joint is not None
         span = slice(10 * place.joint, 10 * place.joint + 10)
         columns = signals.regressor[:, self.rows(signals.body, place), span]
-        if _form(theta) == WHOLE:
-            columns[:, :, ~signals.distinguishable[place.joint]] = 0.0
+        told = signals.distinguishable[place.joint]
+        if _is_whole(theta):
+            columns[:, :, ~told] = 0.0
+        elif not told[:4].any():
+            columns[:] = 0.0
         return np.asarray(columns @ _of_form(theta))
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
@@ -73,18 +75,14 @@ class LinkInertia(Effect):
         plant.parameters[10 * place.joint : 10 * place.joint + 10] += self.unknowns(place, parameters)[1]
 
 
-def _form(theta: Array) -> float:
+def _is_whole(theta: Array) -> bool:
     """What lies between the forms, as when an error is propagated, is the nearer one."""
-    return float(np.round(theta[0]))
+    return bool(theta[0] < 0.5 * (WHOLE + DENSER))
 
 
 def _of_form(theta: Array) -> Array:
     """(10, c) the ten parameters per unit of each coefficient."""
-    if _form(theta) == WHOLE:
-        return np.eye(10)
-    if _form(theta) == ADDED:
-        return np.vstack([np.eye(4), turning_of_mass_near(theta[1:4])])
-    return np.insert(theta[1:], 0, 1.0)[:, None]
+    return np.eye(10) if _is_whole(theta) else np.insert(theta[1:], 0, 1.0)[:, None]
 
 
 EFFECT = LinkInertia()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.parallel_axis import turning_of_mass_near, unit_mass_at
+from estimator.parallel_axis import unit_mass_at, unit_mass_slopes
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -48,7 +48,7 @@ class Payload(Effect):
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         columns = np.array(signals.regressor[:, :, -10:])
         if not _bulky(theta):
-            return np.asarray(columns[:, :, :4] + columns[:, :, 4:] @ turning_of_mass_near(theta[1:]))
+            return np.asarray(columns[:, :, :4] + columns[:, :, 4:] @ _turning(theta[1:]))
         columns[:, :, ~signals.distinguishable[-1]] = 0.0
         return columns
 
@@ -85,6 +85,11 @@ class Payload(Effect):
 def _bulky(theta: Array) -> bool:
     """What lies between the kinds, as when an error is propagated, is the nearer one."""
     return bool(theta[0] > 0.5 * (COMPACT + BULKY))
+
+
+def _turning(centre: Array) -> Array:
+    """(6, 4) inertia about the origin per unit of mass and first moment of a mass near a centre."""
+    return np.column_stack([-unit_mass_at(centre), unit_mass_slopes(centre)])
 
 
 EFFECT = Payload()
