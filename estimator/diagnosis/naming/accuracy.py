@@ -135,18 +135,14 @@ def _margin(tried: Searched, best: Searched, share: float) -> float:
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:
     """Whether no body is a cause now that the given tolerance leaves no room for: a link that is off within its
-    tolerance is what the tolerance says, even if all others are better. One that is off by far more is none, where all
-    others are exact."""
-    new = tried.effects - first.effects
-    if "link_inertia" in new:
-        wide, links = (
-            first.widest,
-            [k for k in tried.chosen if first.scores.hypothesis(k).effect.name == "link_inertia"],
-        )
+    tolerance is what the tolerance says, even if all others are better. Where those are exact, a load may be one, and a
+    link that is off by far more than its tolerance."""
+    new, wide = tried.effects - first.effects, first.widest
+    if share <= _EXACT:
+        links = [k for k in tried.chosen if first.scores.hypothesis(k).effect.name == "link_inertia"]
         beyond = [wide.nats(tried.chosen) - wide.nats([c for c in tried.chosen if c != k]) for k in links]
-        if share > _EXACT or min(beyond) < _BEYOND:
-            return False
-    return share <= _EXACT or "payload" not in new
+        return "link_inertia" not in new or min(beyond) >= _BEYOND
+    return new.isdisjoint(("link_inertia", "payload"))
 
 
 def _precise(design: Design, tolerance: float) -> Array:

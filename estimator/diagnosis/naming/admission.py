@@ -35,8 +35,8 @@ RECURRING = 0.75
 _SLOWLY = 0.5
 """… and of a dry friction: where a joint hardly moves, other errors of its angle are another sign of its speed."""
 _OF_DRY_FRICTION = 2e-4
-"""Of what dry frictions explain in its channels, what any other cause must: what that is is exact to a seventieth of
-their torque at best, however small the noise and however well all is explained with it."""
+"""Of what dry frictions explain in its channels, what any other cause must: their laws are exact to a seventieth of
+their torque at best, however small the noise is and however well all is explained with it."""
 _TOLD_APART = 0.01
 """Of a candidate's columns' energy, what each cause already chosen must leave: a canonical correlation of 0.995."""
 _A_SPECTRUM = 8
