@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis
-from estimator.effects import Parameters, Place, Signals, effect
+from estimator.effects import Lag, Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
 from estimator.terms import PARAMETER_OF
@@ -43,13 +43,11 @@ class FittedEffect:
         """Put it into a plant."""
         effect(self.name).of(self.parameters).simulate_fitted(self.place, self.parameters, plant, self.shape)
 
-    def lateness(self, body: RigidBody) -> Array:
-        """(n,) s by which it makes torques late against the angles."""
-        law, result = effect(self.name).of(self.parameters), np.zeros(body.n)
-        if law.timed(self.place) and law.equation_at(self.place) == "torque":
-            theta, _ = law.unknowns(self.place, self.parameters)
-            result[list(law.rows(body, self.place))] = law.timed(self.place) * float(theta[0])
-        return result
+    def lateness(self, body: RigidBody) -> tuple[Array, Lag | None]:
+        """(n,) s by which it makes torques late against the angles, and the lag that it makes them go through."""
+        law = effect(self.name).of(self.parameters)
+        theta = law.fitted_theta(self.place, self.parameters, self.shape)
+        return law.lateness(body, self.place, theta), law.lag(theta)
 
     @property
     def measures_late(self) -> bool:
@@ -103,11 +101,13 @@ class ArmModel:
         return draft
 
     def _torque(self, signals: Signals, effects: Sequence[FittedEffect]) -> Array:
-        late = sum((one.lateness(self.body) for one in effects), np.zeros(self.body.n))
-        answered = signals.answering_to(late) if late.any() else signals
+        told = [one.lateness(self.body) for one in effects]
+        late, lag = sum((delay for delay, _ in told), np.zeros(self.body.n)), next((x for _, x in told if x), None)
+        answered = signals.answering_to(late, lag) if late.any() or lag else signals
         total = signals.tau_rigid.copy()
         for one in effects:
-            total += one.torque(answered)
+            torque = one.torque(answered)
+            total += torque if one.measures_late else answered.lagged(torque)
         return total
 
 

@@ -8,12 +8,13 @@ from pkgutil import iter_modules
 
 from config import InputError
 from estimator.effects.effect import Effect, Equation, JointEffect, Law, Parameters, Place
-from estimator.effects.signals import Scales, Signals
+from estimator.effects.signals import Lag, Scales, Signals
 
 __all__ = [
     "Effect",
     "Equation",
     "JointEffect",
+    "Lag",
     "Law",
     "Parameters",
     "Place",

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.effects.signals import Scales, Signals
+from estimator.effects.signals import Lag, Scales, Signals
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -87,6 +87,9 @@ class Law(ABC):
     about: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are its first coefficients once more: it is not linear in them, and its columns times them
     are right for those that theta has. Of the grid they are zero, where columns are those of small ones."""
+    factored: ClassVar[bool] = False
+    """Whether its coefficient is one by right: a factor that a search leaves free, since a shape that is nearly right
+    needs another (`at_one`)."""
     forms: ClassVar[tuple[int, ...]] = ()
     """Which entries of theta are told, and yet no freedom that could stand for another cause: an exponent."""
     known_up_to: ClassVar[tuple[float, ...]] = ()
@@ -152,10 +155,25 @@ class Law(ABC):
         exact[list(self.about)] = coefficients[: len(self.about)]
         return exact
 
+    def at_one(self, theta: Array, coefficients: Array) -> Array:
+        """theta with which one that is `factored` is as large as it is with these, its factor being one."""
+        return theta
+
     def timed(self, place: Place) -> int:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
         channels add to that; 0 of all others."""
         return 0
+
+    def lateness(self, body: RigidBody, place: Place, theta: Array) -> Array:
+        """(n,) s by which it makes each joint's torque late against the angles, of all that is recorded there."""
+        late = np.zeros(body.n)
+        if self.timed(place) and self.equation_at(place) == "torque":
+            late[list(self.rows(body, place))] = self.timed(place) * float(theta[0])
+        return late
+
+    def lag(self, theta: Array) -> Lag | None:
+        """What it makes all torques go through on their way into a recording."""
+        return None
 
     def experiment_at(self, place: Place, body: RigidBody) -> str:
         """The same sentence for a place."""
@@ -242,6 +260,13 @@ class Effect(Law):
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""
 
+    def fitted_theta(self, place: Place, parameters: Parameters, shape: Array | None) -> Array:
+        """theta of the catalogue's parameters and the `hidden` entries as they were fitted; sharp signs without."""
+        theta, _ = self.unknowns(place, parameters)
+        if shape is not None:
+            theta[list(self.hidden)] = shape
+        return theta
+
     def torque(self, place: Place, parameters: Parameters, signals: Signals, shape: Array | None = None) -> Array:
         """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m.
 
@@ -249,9 +274,7 @@ class Effect(Law):
         """
         if self.equation_at(place) != "torque":
             return np.zeros_like(signals.q)
-        theta, coefficients = self.unknowns(place, parameters)
-        if shape is not None:
-            theta[list(self.hidden)] = shape
+        theta, coefficients = self.fitted_theta(place, parameters, shape), self.unknowns(place, parameters)[1]
         result = np.zeros_like(signals.q)
         result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
         return result
@@ -259,6 +282,10 @@ class Effect(Law):
     @abstractmethod
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         """Put the effect into the twin's plant."""
+
+    def form(self, shape: Array | None) -> str:
+        """What a `hidden` shape is, in words that follow the effect's name; empty: nothing that a reader asks for."""
+        return ""
 
     def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
         """`simulate` of an effect that was fitted with these `hidden` entries of theta.

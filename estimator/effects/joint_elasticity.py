@@ -45,6 +45,7 @@ class JointElasticity(JointEffect):
     units: ClassVar = {"stiffness": "N·m/rad", "damping": "N·m·s/rad"}
     hidden = (2, 3)
     choices = (3,)
+    factored = True
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
     experiment = "let {joint} alone swing in a chirp up to its resonance"
 
@@ -83,6 +84,12 @@ class JointElasticity(JointEffect):
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
+
+    def at_one(self, theta: Array, coefficients: Array) -> Array:
+        """On the link's side the factor is the stiffness: nothing swings there."""
+        if theta[3] != ON_MOTOR or coefficients[0] <= 0.0:
+            return theta
+        return np.array([theta[0] - math.log(coefficients[0]), *theta[1:]])
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         stiffness = math.exp(theta[0]) / float(coefficients[0]) if coefficients[0] > 0.0 else math.inf

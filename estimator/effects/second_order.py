@@ -23,9 +23,9 @@ START = 8
 def second_order_lag(x: Array, period: float, relaxation: float, square: float) -> Array:
     """x (samples, …) through 1/(1 + relaxation·s + square·s²), whose factors are in s and s².
 
-    Exact for signals that run straight from sample to sample. A recording that begins in the middle of a motion does
-    not make it ring: the parabola with which x begins has the lag's steady answer, and only the rest of x is filtered
-    from rest.
+    Between samples x runs nearly as a cubic does, with the mean of the curvatures at both. A recording that begins in
+    the middle of a motion does not make it ring: the parabola with which x begins has the lag's steady answer, and only
+    the rest of x is filtered from rest.
     """
     if relaxation == 0.0 and square == 0.0:
         return np.array(x)
@@ -34,12 +34,18 @@ def second_order_lag(x: Array, period: float, relaxation: float, square: float) 
     powers = np.vander(period * np.arange(count), 3, increasing=True)
     at, slope, half = np.linalg.lstsq(powers, x[:count].reshape(count, -1), rcond=None)[0].reshape(3, *x.shape[1:])
     parabola = at + slope * t + half * t**2
-    # The chords between samples lie half·period²/6 above a parabola, on the mean.
-    steady = (
-        parabola - relaxation * (slope + 2.0 * half * t) + ((relaxation**2 - square) * 2.0 + period**2 / 6.0) * half
+    steady = parabola - relaxation * (slope + 2.0 * half * t) + (relaxation**2 - square) * 2.0 * half
+    rest = x - parabola
+    # Of each interval, to its end: the mean of what its ends say.
+    bent = np.zeros_like(rest)
+    if len(rest) > 2:
+        curvature = np.diff(rest, 2, axis=0) / period**2
+        bent[2:-1] = 0.5 * (curvature[1:] + curvature[:-1])
+        bent[1], bent[-1] = curvature[0], curvature[-1]
+    straight, curved, denominator = _sampled(period, relaxation, square)
+    return np.asarray(
+        steady + lfilter(straight, denominator, rest, axis=0) + lfilter(curved, denominator, bent, axis=0)
     )
-    numerator, denominator = _sampled(period, relaxation, square)
-    return np.asarray(steady + lfilter(numerator, denominator, x - parabola, axis=0))
 
 
 def swing(force: Array, period: float, inertia: Array, damping: Array, stiffness: Array) -> Array:
@@ -82,26 +88,34 @@ def _begun(force: Array, period: float, inertia: Array, damping: Array, stiffnes
     return np.asarray(first + speed * t + bent * t**2)
 
 
-def _sampled(period: float, relaxation: float, square: float) -> tuple[Array, Array]:
-    """The lag as a filter of samples (first-order hold): numerator and denominator in powers of 1/z.
+def _sampled(period: float, relaxation: float, square: float) -> tuple[Array, Array, Array]:
+    """The lag as a filter of samples, and of the curvature on the way to each: two numerators and the denominator in
+    powers of 1/z.
 
-    `scipy.signal.cont2discrete` gives the same some ten times more slowly, by way of general transfer functions.
+    The first is a first-order hold, which `scipy.signal.cont2discrete` gives some ten times more slowly, by way of
+    general transfer functions.
     """
-    # States, then the input and what it gains in a period (Franklin, Powell, Workman 1998, 6.3.3).
-    if square == 0.0:
-        system = np.array([[-1.0 / relaxation, 1.0 / relaxation, 0.0], [0.0, 0.0, 1.0 / period], [0.0, 0.0, 0.0]])
-        moved = expm(system * period)
-        pole, now, gained = moved[0]
-        return np.array([gained, now - gained]), np.array([1.0, -pole])
-    system = np.zeros((4, 4))
-    system[0, :3] = -relaxation / square, -1.0 / square, 1.0 / square
-    system[1, 0], system[2, 3] = 1.0, 1.0 / period
-    moved = expm(system * period)
-    states, now, gained = moved[:2, :2], moved[:2, 2], moved[:2, 3]
+    # States, then the input and its derivatives (Franklin, Powell, Workman 1998, 6.3.3).
+    size = 2 if square else 1
+    system = np.zeros((size + 3, size + 3))
+    if square:
+        system[0, :3] = -relaxation / square, -1.0 / square, 1.0 / square
+        system[1, 0] = 1.0
+    else:
+        system[0, :2] = -1.0 / relaxation, 1.0 / relaxation
+    system[size, size + 1] = system[size + 1, size + 2] = 1.0
+    moved = expm(system * period)[:size]
+    states, now = moved[:, :size], moved[:, size]
+    gained = moved[:, size + 1] / period
+    bowed = moved[:, size + 2] - 0.5 * period * moved[:, size + 1]
+    if not square:
+        pole = states[0, 0]
+        return np.array([gained[0], now[0] - gained[0]]), bowed, np.array([1.0, -pole])
     given, through = now - gained + states @ gained, gained[1]
     trace, determinant = states[0, 0] + states[1, 1], states[0, 0] * states[1, 1] - states[0, 1] * states[1, 0]
     once, twice = given[1] - trace * through, states[1] @ given - trace * given[1] + determinant * through
-    return np.array([through, once, twice]), np.array([1.0, -trace, determinant])
+    curved = np.array([bowed[1], states[1] @ bowed - trace * bowed[1]])
+    return np.array([through, once, twice]), curved, np.array([1.0, -trace, determinant])
 
 
 def resonated(x: Array, period: float, frequency: float, ratio: float) -> Array:

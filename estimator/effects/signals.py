@@ -12,12 +12,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from estimator.effects.second_order import second_order_lag
 from estimator.kinematics import tip_jacobian, tip_positions
 from estimator.regressor import inverse_dynamics, torque_regressor
 from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
+Lag = tuple[float, float]
+"""Of a low-pass filter 1/(1 + a·s + b·s²) of torques: a in s, b in s²."""
 _AT_REST = 1e-6
 """rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
 _LEAST_WARMING = 2.0
@@ -57,6 +60,8 @@ class Signals:
     """(samples, 6) N and N·m in the sensor's frame."""
     load_wrench: Array | None = None
     """(samples, 6) what the sensor should exert on the given load during this motion."""
+    lag: Lag | None = None
+    """What all torques of laws go through before they are recorded."""
     recorded: Signals | None = None
     """The motion as it was recorded, where the one that the torques answer to is another (`answering_to`)."""
 
@@ -67,7 +72,9 @@ class Signals:
 
     def part(self, span: slice, t: Array) -> Signals:
         """Some neighbouring samples of it, at other times ``t`` s; what was worked out of the motion is kept."""
-        channels = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t", "recorded")}
+        channels = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t", "lag", "recorded")
+        }
         result = replace(self, t=t, **{name: x[span] for name, x in channels.items() if x is not None})
         if self.recorded is not None:
             result = replace(result, recorded=self.recorded.part(span, t))
@@ -77,15 +84,19 @@ class Signals:
             result.__dict__["sensitivity"] = tuple(x[span] for x in self.sensitivity)
         return result
 
-    def answering_to(self, earlier: Array) -> Signals:
-        """Of torques that are late by so many s (n,), each joint's motion so much earlier, for all laws of torques;
-        what is compared with the motion itself, as a velocity, finds that in `recorded`."""
+    def answering_to(self, earlier: Array, lag: Lag | None = None) -> Signals:
+        """Of torques that are late by so many s (n,), each joint's motion so much earlier, for all laws of torques, and
+        these through a ``lag``; what is compared with the motion itself, as a velocity, finds that in `recorded`."""
         moved: dict[str, Any] = {name: getattr(self, name).copy() for name in _OF_THE_MOTION}
         for late in np.unique(earlier[earlier != 0.0]):
             joints = np.flatnonzero(earlier == late)
             for name, channel in moved.items():
                 channel[:, joints] = CubicSpline(self.t, getattr(self, name)[:, joints])(self.t - late)
-        return replace(self, **moved, recorded=self)
+        return replace(self, **moved, recorded=self, lag=lag)
+
+    def lagged(self, x: Array) -> Array:
+        """Torques (samples, …) as they are recorded: through the lag that is before them."""
+        return x if self.lag is None else second_order_lag(x, self.period, *self.lag)
 
     @property
     def as_recorded(self) -> Signals:

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 RATIOS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
 """Ratios to try."""
+SOFT = WIDTHS[2:]
+"""Widths of a soft sign to try with joints that turn it alike, which most do: another ratio's is refined from a sharp
+one."""
 APART = 2
 """Joints that share a transmission lie at most this many apart in the chain, as the three of a wrist do."""
 
@@ -49,7 +52,8 @@ class TransmissionCoupling(Effect):
 
     def grid(self, place: Place, scales: Scales) -> Array:
         joint, other = pair(place)
-        return np.array([[r, WIDTHS[0] * (scales.dq[joint] + abs(r) * scales.dq[other])] for r in RATIOS])
+        shapes = [(ratio, WIDTHS[0]) for ratio in RATIOS] + [(ratio, width) for ratio in (-1.0, 1.0) for width in SOFT]
+        return np.array([[r, width * (scales.dq[joint] + abs(r) * scales.dq[other])] for r, width in shapes])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         joint, other = pair(place)

@@ -1,4 +1,4 @@
-"""Transport delay: one channel of the recording is late, or one joint's torque."""
+"""Transport delay: one channel of the recording is late, or filtered, or one joint's torque late."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from estimator.effects.effect import Effect, Equation, Parameters, Place
-from estimator.effects.signals import Scales, Signals
+from estimator.effects.second_order import second_order_lag
+from estimator.effects.signals import Lag, Scales, Signals
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -25,15 +26,21 @@ EQUATIONS: Mapping[str, Equation] = {
 """Channel → the equation in which its lateness shows."""
 DELAYS = (0.001, 0.003, 0.009, 0.025)
 """s, to try."""
+LATE, FIRST_ORDER, SECOND_ORDER = 0.0, 1.0, 2.0
+"""What makes a channel late, an entry of theta: time alone, or of all torques a low-pass filter of the drives or the
+recorder, of first order, or of second and maximally flat."""
 
 
 class TransportDelay(Effect):
     """All joints of a channel are late alike, or one drive's torque by itself. theta is the delay δ of the shape
-    (x(t − δ) − x(t))/δ, the coefficient the delay itself: to first order in it the two are independent, and they are
-    made equal (`Law.timed`). Late angles make the torques seem early."""
+    (x(t − δ) − x(t))/δ, and what makes it late: of a filter, whose delay is that of slow signals, its answer stands for
+    x(t − δ). The coefficient is the delay itself: to first order in it the two are independent, and they are made equal
+    (`Law.timed`). Late angles make the torques seem early."""
 
     name = "transport_delay"
     units: ClassVar = {"delay": "s"}
+    hidden = (1,)
+    choices = (1,)
     confused_with = ("viscous_friction", "joint_elasticity", "presliding")
     experiment = "swing every joint at two frequencies, a fast and a slow one"
 
@@ -54,18 +61,23 @@ class TransportDelay(Effect):
         return -1 if place.channel == "position" else 1
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        return np.array(DELAYS)[:, None]
+        filters = (FIRST_ORDER, SECOND_ORDER) if place.joint is None and place.channel == "torque" else ()
+        return np.array([[delay, cause] for cause in (LATE, *filters) for delay in DELAYS])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        by = -float(theta[0]) if place.channel == "position" else float(theta[0])
+        delay, cause = map(float, theta)
+        by = -delay if place.channel == "position" else delay
         # What is late is told of the motion as it was recorded; all other laws are late with it.
         signals = signals.as_recorded
         channel = {"velocity": signals.dq, "wrench": signals.load_wrench}.get(str(place.channel), signals.tau_rigid)
         assert channel is not None
         if place.joint is not None:
             channel = channel[:, [place.joint]]
-        # Straight lines between samples would bend a signal that is late by a part of one.
-        late = CubicSpline(signals.t, channel)(signals.t - by)
+        if cause == LATE:
+            # Straight lines between samples would bend a signal that is late by a part of one.
+            late = CubicSpline(signals.t, channel)(signals.t - by)
+        else:
+            late = second_order_lag(channel, signals.period, *_filter(theta))
         return np.asarray((late - channel) / abs(by))[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
@@ -76,12 +88,31 @@ class TransportDelay(Effect):
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         delay = float(parameters["delay"])
-        return np.array([delay if delay > 0.0 else DELAYS[0]]), np.array([delay])
+        return np.array([delay if delay > 0.0 else DELAYS[0], LATE]), np.array([delay])
+
+    def lateness(self, body: RigidBody, place: Place, theta: Array) -> Array:
+        return super().lateness(body, place, theta) if theta[1] == LATE else np.zeros(body.n)
+
+    def lag(self, theta: Array) -> Lag | None:
+        return None if theta[1] == LATE else _filter(theta)
+
+    def form(self, shape: Array | None) -> str:
+        order = LATE if shape is None else float(shape[0])
+        return (
+            "" if order == LATE else f"as of a low-pass filter of {'first' if order == FIRST_ORDER else 'second'} order"
+        )
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         assert place.channel is not None
         joints = slice(None) if place.joint is None else place.joint
         plant.late.setdefault(place.channel, np.zeros(plant.body.n))[joints] += float(parameters["delay"])
+
+
+def _filter(theta: Array) -> Lag:
+    """Of a filter with this delay at low frequencies: its time constant, of Butterworth's second order √2 over its
+    corner."""
+    delay, cause = map(float, theta)
+    return delay, 0.5 * delay**2 if cause == SECOND_ORDER else 0.0
 
 
 EFFECT = TransportDelay()

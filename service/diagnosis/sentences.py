@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis, Finding, Quantity
-from estimator.effects import Place
+from estimator.effects import Place, effect
 
 FEW = 5
 """Parameters that a sentence takes without choosing."""
@@ -47,9 +47,13 @@ def _clean(diagnosis: Diagnosis) -> str:
 
 def sentence_of(finding: Finding, joints: Sequence[str]) -> str:
     """ "joint 2 has viscous friction: coefficient 3.1 ± 0.2 N·m·s/rad; it explains 86 % of what can be explained"."""
-    values = ", ".join(f"{name.replace('_', ' ')} {quantity_text(q)}" for name, q in _told(finding.parameters).items())
+    form = effect(finding.effect).form(finding.shape)
+    told = _told(finding.parameters)
+    values = ", ".join(f"{name.replace('_', ' ')} {quantity_text(q)}" for name, q in told.items())
     sentence = (
-        f"{place_text(finding.place, joints)} {effect_text(finding.effect)}{': ' if values else ''}{values}; "
+        f"{place_text(finding.place, joints)} {effect_text(finding.effect)}{form and f', {form}'}"
+        f"{': ' if values else ''}{values}"
+        f"{' (one unknown, and one error: they are in proportion)' if _in_proportion(told) else ''}; "
         f"it explains {share_text(finding.share_of_explainable)} of what can be explained there"
     )
     if finding.status == "ambiguous":
@@ -69,6 +73,12 @@ def _told(parameters: Mapping[str, Quantity]) -> dict[str, Quantity]:
         for name, q in own.items()
         if np.any(np.abs(np.atleast_1d(q.value)) > 2.0 * np.atleast_1d(q.standard_error))
     }
+
+
+def _in_proportion(told: Mapping[str, Quantity]) -> bool:
+    """Whether all follow from one unknown, as the parameters of a link of another density do."""
+    relative = [q.standard_error / np.abs(q.value) for q in told.values()]
+    return len(relative) > 1 and bool(np.ptp(np.hstack(relative)) < 1e-6 * np.max(np.hstack(relative)))
 
 
 def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:

@@ -10,7 +10,6 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.signal import cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
 from config import InputError
@@ -272,14 +271,17 @@ def test_a_lag_leaves_what_stands_still() -> None:
     np.testing.assert_allclose(second_order_lag(np.full(50, 3.0), 0.01, 0.02, 0.01), 3.0)
 
 
-@pytest.mark.parametrize(("relaxation", "square"), [(0.02, 0.01), (0.02, 0.0), (0.0, 1e-4), (1e-5, 1e-9), (3.0, 1e-4)])
-def test_a_lag_is_that_of_a_general_first_order_hold(relaxation: float, square: float) -> None:
-    period = 0.004
-    x = np.concatenate([np.zeros(8), np.random.default_rng(0).normal(size=60)])
-    system = (np.ones(1), np.array([square, relaxation, 1.0] if square else [relaxation, 1.0]))
-    numerator, denominator, _ = cont2discrete(system, period, method="foh")
-    expected = lfilter(np.ravel(numerator), denominator, x)
-    np.testing.assert_allclose(second_order_lag(x, period, relaxation, square), expected, rtol=1e-8, atol=1e-10)
+@pytest.mark.parametrize(("relaxation", "square"), [(0.02, 0.01), (0.02, 0.0), (0.01, 5e-5), (1e-4, 1e-8), (1e-5, 0)])
+def test_a_lag_of_any_speed_answers_what_a_coarse_grid_shows(relaxation: float, square: float) -> None:
+    """A sine of thirteen samples, as of 6.4 Hz in 12 ms: to a thousandth, where straight lines are off by two percent.
+    At the last of them nothing says how it bends."""
+    period, w = 0.012, 40.0
+    t = period * np.arange(4000)
+    found = second_order_lag(np.sin(w * t), period, relaxation, square)
+    answer = 1.0 / (1.0 - square * w**2 + 1.0j * relaxation * w)
+    settled = t > 20.0 * max(relaxation, 2.0 * square / relaxation)
+    error = (found - np.imag(answer * np.exp(1.0j * w * t)))[settled][:-1]
+    assert np.max(np.abs(error)) < 1.5e-3 * abs(answer)
 
 
 def test_an_elastic_joint_gives_by_its_torque_over_its_stiffness(signals: Signals) -> None:

@@ -71,3 +71,11 @@ def test_a_shared_rotor_is_told_without_the_friction_that_it_has_not() -> None:
         "joints shoulder and elbow have transmission coupling: ratio 1.021 ± 0.024, inertia 0.00698 ± 0.00024 kg·m²; "
         "it explains 100 % of what can be explained there"
     )
+
+
+@pytest.mark.parametrize(("error", "one"), [(0.15, True), (0.2, False)])
+def test_what_follows_from_one_unknown_is_told_with_one_error(error: float, one: bool) -> None:
+    parameters = {name: Quantity(0.0, 0.0, "kg·m²") for name in ("I_xx", "I_xy", "I_xz", "I_yy")}
+    parameters |= {"m": Quantity(3.0, 0.3, "kg"), "mx": Quantity(-1.5, error, "kg·m")}
+    found = Finding("link_inertia", Place(1), "named", parameters, 90.0, 0.0, 1.0, (), (), None)
+    assert ("one unknown, and one error" in sentence_of(found, ("shoulder", "elbow"))) is one

@@ -253,10 +253,10 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
     """Channel and (columns, samples), each channel's in the order of its members."""
     kept, sign = np.array(design.base.kept, dtype=np.intp), design.base.sign
     still = signals.as_recorded
-    slope = {"torque": signals.slope(signals.tau_rigid), "velocity": still.ddq, "deflection": still.dq}
+    slope = {"torque": signals.lagged(signals.slope(signals.tau_rigid)), "velocity": still.ddq, "deflection": still.dq}
     for number, (channel, reached) in enumerate(zip(design.channels, design.reached, strict=True)):
         if channel.equation == "torque":
-            yield number, (signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
+            yield number, signals.lagged(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
         # A channel that is late by δ reads x(t) − δ·dx/dt.
         yield number, -slope[channel.equation][:, [channel.index]].T
     for number, of_one in groupby(design.candidates, key=lambda candidate: candidate.hypothesis):
@@ -264,7 +264,7 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
         thetas = [candidate.theta for candidate in candidates]
         made = hypothesis.effect.columns_of_each(hypothesis.place, _seen_by(hypothesis, signals), thetas)
         for candidate, columns in zip(candidates, made, strict=True):
-            values = _with_speeds(hypothesis, candidate, signals, columns)
+            values = _as_recorded(hypothesis, candidate, signals, columns)
             for row, channel_index in enumerate(candidate.channels):
                 yield channel_index, values[:, row].T
 
@@ -273,7 +273,7 @@ def candidate_columns(design: Design, candidate: Candidate, signals: Signals) ->
     """(samples, channels, c) of a candidate, in the order of its channels."""
     hypothesis = design.hypotheses[candidate.hypothesis]
     columns = hypothesis.effect.columns(hypothesis.place, _seen_by(hypothesis, signals), candidate.theta)
-    return _with_speeds(hypothesis, candidate, signals, columns)
+    return _as_recorded(hypothesis, candidate, signals, columns)
 
 
 def _seen_by(hypothesis: Hypothesis, signals: Signals) -> Signals:
@@ -281,8 +281,12 @@ def _seen_by(hypothesis: Hypothesis, signals: Signals) -> Signals:
     return signals if hypothesis.effect.equation_at(hypothesis.place) == "torque" else signals.as_recorded
 
 
-def _with_speeds(hypothesis: Hypothesis, candidate: Candidate, signals: Signals, columns: Array) -> Array:
-    """A candidate's columns, with those of the speeds where it enters them."""
+def _as_recorded(hypothesis: Hypothesis, candidate: Candidate, signals: Signals, columns: Array) -> Array:
+    """A candidate's columns, of torques as these are recorded, with those of the speeds where it enters them."""
+    effect, place = hypothesis.effect, hypothesis.place
+    # What is late is told of the motion as it was recorded.
+    if effect.equation_at(place) == "torque" and not effect.timed(place):
+        columns = signals.lagged(columns)
     if columns.shape[1] == len(candidate.channels):
         return columns
     speeds = hypothesis.effect.speed_columns(hypothesis.place, signals.as_recorded, candidate.theta)

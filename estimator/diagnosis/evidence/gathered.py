@@ -21,6 +21,7 @@ from estimator.diagnosis.observed.assumed_noise import assumed_noise
 from estimator.diagnosis.observed.drives_off import read_off
 from estimator.diagnosis.observed.first_body import first_body, has_bodies
 from estimator.diagnosis.observed.grains import repeated_share, repeated_white
+from estimator.diagnosis.observed.lateness import Lateness
 from estimator.diagnosis.observed.noise import ORDER, Noise, autocovariance
 from estimator.diagnosis.observed.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.observed.stretches import Grid, Stretch, make_grid, mean_power, stretches, told_by
@@ -65,8 +66,8 @@ class Evidence:
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
     bend: Array | None = None
     """(10·n,) by which the links differ from the given ones of whose torques laws are made; None: they do not."""
-    late: Array | None = None
-    """(n,) s by which torques answer late to the motion; laws are made of the motion so much earlier. None: they do
+    late: Lateness | None = None
+    """By which torques answer late to the motion; laws are made of the motion so much earlier. None: they do
     not."""
 
 

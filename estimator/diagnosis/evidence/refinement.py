@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from estimator.diagnosis.evidence.conditional import Conditional, within_limits
 from estimator.diagnosis.evidence.design import Candidate, Design
 from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.grams import Block, sum_up, total
+from estimator.diagnosis.evidence.own_shapes import own_shapes, shaped_by_coefficients, value_of
 from estimator.diagnosis.evidence.scanning import scanned
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.evidence.weighted import Weighted
@@ -20,7 +21,9 @@ from estimator.diagnosis.observed.stretches import Stretch
 
 Array = NDArray[np.float64]
 
-_ITERATIONS = 4
+_ITERATIONS = 16
+_HALVINGS = 2
+"""Of a step that does not improve, before the one before it is the last."""
 _STEP = 1e-3
 """Of a non-linear parameter's span: step of the numerical derivative."""
 _BEYOND = 0.1
@@ -28,8 +31,6 @@ _BEYOND = 0.1
 end."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""
-_LEAST_DELAY, _LONGEST_DELAY = 1e-4, 0.1
-"""s"""
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,9 @@ def refine(
         own = design.with_candidates(wanted)
         return own, total(sum_up(own, pieces, decimations, noise))
 
-    candidates = _as_large(scanned(design, chosen, weights, pass_over), design, weights, pass_over)
+    candidates = own_shapes(scanned(design, chosen, weights, pass_over), spans, design, weights, pass_over)
     best: float = -np.inf
-    step = np.zeros(0)
+    step, halvings = np.zeros(0), 0
     trial = own_shaped = candidates
     for _ in range(_ITERATIONS):
         stepped = [*trial, *_neighbours(trial, spans)]
@@ -106,11 +107,13 @@ def refine(
             if gain > best:
                 candidates = trial
                 break
-            step = step / 2.0
+            if halvings == _HALVINGS:
+                break
+            step, halvings = step / 2.0, halvings + 1
         else:
-            best, candidates = gain, trial
+            best, candidates, halvings = gain, trial, 0
             step = _newton_step(wide, model, trial, spans)
-            own_shaped = _own_shaped(wide, _value(model), trial)
+            own_shaped = shaped_by_coefficients(wide, value_of(model), trial)
         trial = _moved(candidates, own_shaped, step, spans)
         if not any(np.any(np.abs(a.theta - b.theta) > 1e-9) for a, b in zip(trial, candidates, strict=True)):
             break
@@ -120,40 +123,14 @@ def refine(
     covariance = _covariance(wide, whole, candidates, spans)
     own, block = pass_over(candidates)
     model = within_limits(Weighted(own, block, weights), own.candidates)
-    return Refined(own, _value(model), covariance, model)
-
-
-def _as_large(
-    candidates: list[Candidate],
-    design: Design,
-    weights: Array,
-    pass_over: Callable[[Sequence[Candidate]], tuple[Design, Block]],
-) -> list[Candidate]:
-    """The candidates, with columns of coefficients as large as theirs, whether these explain more or not: what those of
-    small ones leave, another law may have mended."""
-    if not any(design.hypotheses[candidate.hypothesis].effect.about for candidate in candidates):
-        return candidates
-    own, block = pass_over(candidates)
-    value = _value(within_limits(Weighted(own, block, weights), own.candidates))
-    shaped = _own_shaped(own, value, candidates)
-    return [
-        new if design.hypotheses[new.hypothesis].effect.about else old
-        for new, old in zip(shaped, candidates, strict=True)
-    ]
-
-
-def _value(model: Conditional) -> Array:
-    """(size of the design,) what the model has of each unknown: of those that it has not, nothing."""
-    value = np.zeros(model.design.size)
-    value[model.active] = model.value
-    return value
+    return Refined(own, value_of(model), covariance, model)
 
 
 def _span(design: Design, candidate: int) -> tuple[Array, Array]:
     """Least and largest theta of a candidate's grid; what is a choice, a delay, or a coefficient has no span."""
     own = design.candidates[candidate]
     hypothesis = design.hypotheses[own.hypothesis]
-    choices = [0] if hypothesis.effect.timed(hypothesis.place) else list(hypothesis.effect.choices)
+    choices = [*([0] if hypothesis.effect.timed(hypothesis.place) else []), *hypothesis.effect.choices]
     same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
     grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
     low, high = grid.min(axis=0), grid.max(axis=0)
@@ -163,11 +140,21 @@ def _span(design: Design, candidate: int) -> tuple[Array, Array]:
     return np.minimum(low, own.theta - beyond), np.maximum(high, own.theta + beyond)
 
 
+def _widths(spans: Sequence[tuple[Array, Array]]) -> Array:
+    """(thetas,) of all candidates one after the other; nothing where theta is not free."""
+    return np.concatenate([high - low for low, high in spans]) if spans else np.zeros(0)
+
+
+def _free(span: tuple[Array, Array]) -> list[int]:
+    """Which of a candidate's theta have a span."""
+    return [k for k, (low, high) in enumerate(zip(*span, strict=True)) if high > low]
+
+
 def _neighbours(candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]) -> list[Candidate]:
-    """Each candidate with each of its theta a little larger (smaller at the upper end of the span)."""
+    """Each candidate with each of its free theta a little larger (smaller at the upper end of the span)."""
     result = []
     for candidate, span in zip(candidates, spans, strict=True):
-        for k in range(len(candidate.theta)):
+        for k in _free(span):
             theta = candidate.theta.copy()
             theta[k] += _shift(candidate, span, k)
             result.append(replace(candidate, theta=theta))
@@ -175,19 +162,19 @@ def _neighbours(candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Ar
 
 
 def _shift(candidate: Candidate, span: tuple[Array, Array], k: int) -> float:
-    width = float(span[1][k] - span[0][k]) or abs(float(candidate.theta[k])) or 1.0
+    width = float(span[1][k] - span[0][k])
     return -_STEP * width if candidate.theta[k] + _STEP * width > span[1][k] else _STEP * width
 
 
 def _slopes(
     design: Design, value: Array, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
 ) -> Array:
-    """(thetas, size of the wide design): what a unit of each theta adds, in terms of the wide design's columns."""
+    """(free thetas, size of the wide design): what a unit of each theta adds, in terms of the wide design's columns."""
     result: list[Array] = []
     neighbour = len(candidates)
     for number, (candidate, span) in enumerate(zip(candidates, spans, strict=True)):
         own = design.candidates[number].columns
-        for k in range(len(candidate.theta)):
+        for k in _free(span):
             row = np.zeros(design.size)
             row[design.candidates[neighbour].columns] = value[own]
             row[own] = -value[own]
@@ -210,14 +197,13 @@ def _information(design: Design, model: Conditional, slopes: Array) -> tuple[Arr
 def _newton_step(
     design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
 ) -> Array:
-    slopes = _slopes(design, _value(model), candidates, spans)
-    if not len(slopes):
-        return np.zeros(0)
-    inner, score, _ = _information(design, model, slopes)
-    widths = np.concatenate([(high - low) for low, high in spans])
+    widths = _widths(spans)
+    free, step = widths > 0.0, np.zeros(len(widths))
+    if not free.any():
+        return step
+    inner, score, _ = _information(design, model, _slopes(design, value_of(model), candidates, spans))
     # A weak pull to where theta is, a span wide: what the data do not tell stays.
-    damping = np.diag(1.0 / np.maximum(widths, 1e-12) ** 2)
-    step = np.linalg.solve(inner + damping, score)
+    step[free] = np.linalg.solve(inner + np.diag(1.0 / widths[free] ** 2), score)
     return np.asarray(np.clip(step, -0.5 * widths, 0.5 * widths))
 
 
@@ -234,40 +220,21 @@ def _moved(
     return result
 
 
-def _own_shaped(design: Design, value: Array, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates, shaped for the coefficients that they have; those of a delay have the shape of what is late in
-    all: the delay, and what the given model allows their channels' timings (a delay of a wrong shape is divided between
-    the two)."""
-    result = []
-    for number, candidate in enumerate(candidates):
-        hypothesis = design.hypotheses[candidate.hypothesis]
-        sign = hypothesis.effect.timed(hypothesis.place)
-        own = value[design.candidates[number].columns]
-        theta = hypothesis.effect.exact_at(candidate.theta, own)
-        if sign:
-            timings = value[design.base.rank + np.array(candidate.channels)]
-            theta = np.clip(own + sign * timings.mean(), _LEAST_DELAY, _LONGEST_DELAY)
-        result.append(replace(candidate, theta=theta))
-    return result
-
-
 def _covariance(
     design: Design, model: Conditional, candidates: Sequence[Candidate], spans: Sequence[tuple[Array, Array]]
 ) -> Array:
     """Of linear unknowns and theta together, by block inversion; a theta that the data do not tell keeps the variance
     of its span, and one without a span has no error."""
-    size = len(model.active)
-    slopes = _slopes(design, _value(model), candidates, spans)
-    thetas = len(slopes)
-    result = np.zeros((size + thetas, size + thetas))
+    size, widths = len(model.active), _widths(spans)
+    result = np.zeros((size + len(widths), size + len(widths)))
     result[:size, :size] = model.covariance
-    if thetas:
-        inner, _, response = _information(design, model, slopes)
-        widths = np.concatenate([(high - low) for low, high in spans])
-        free, own = np.flatnonzero(widths > 0.0), np.zeros((thetas, thetas))
-        own[np.ix_(free, free)] = np.linalg.inv(inner[np.ix_(free, free)] + np.diag(12.0 / widths[free] ** 2))
-        result[size:, size:] = own
-        result[:size, size:] = -response @ own
-        result[size:, :size] = result[:size, size:].T
-        result[:size, :size] += response @ own @ response.T
+    free = np.flatnonzero(widths > 0.0)
+    if len(free):
+        inner, _, response = _information(design, model, _slopes(design, value_of(model), candidates, spans))
+        own = np.linalg.inv(inner + np.diag(12.0 / widths[free] ** 2))
+        cross = -response @ own
+        result[np.ix_(size + free, size + free)] = own
+        result[:size, size + free] = cross
+        result[size + free, :size] = cross.T
+        result[:size, :size] -= cross @ response.T
     return result

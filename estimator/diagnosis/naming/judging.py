@@ -18,7 +18,7 @@ from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.findings import finding
 from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
 from estimator.diagnosis.naming.lack_of_fit import misfits
-from estimator.diagnosis.naming.late_torques import with_late_torques
+from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
@@ -80,7 +80,9 @@ def judge(evidence: Evidence) -> Judged:
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
-    if (other := with_late_torques(evidence, found.scores, stood, refined)) is not None:
+    for _ in range(_SHARPER):
+        if (other := with_late_torques(evidence, found.scores, stood, refined)) is None:
+            break
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_SHARPER):
@@ -145,6 +147,7 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
     chosen, refined = told_once(evidence, scores, chosen, refined)
     chosen, refined = simpler(evidence, scores, chosen, refined)
+    chosen, refined = late_alike(evidence, scores, chosen, refined)
     chosen, refined = not_taken_back(evidence, scores, chosen, refined)
     chosen, refined = of_one_form(evidence, scores, chosen, refined)
     chosen, refined = of_two_lines(evidence, scores, chosen, refined)

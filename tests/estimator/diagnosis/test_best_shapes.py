@@ -102,3 +102,28 @@ def inertia_of(body: RigidBody, joint: int, q: Array) -> Array:
     one[:, joint] = 1.0
     moved, held = (inverse_dynamics(body, body.prior(), q, still, x) for x in (one, still))
     return (moved - held)[:, joint]
+
+
+@pytest.mark.parametrize("stiffness", [500.0, 1500.0])
+def test_a_joint_gives_as_it_is_stiff_wherever_the_grid_has_its_resonance(
+    make_chain: Callable[..., RigidBody],
+    make_periodic: Callable[..., tuple[Array, Array, Array, Array]],
+    stiffness: float,
+) -> None:
+    """The truth is made from the link's side: the motor is ahead of a given link by what the link's torque winds up."""
+    body, random, recordings = make_chain("rr"), np.random.default_rng(2), []
+    relaxation, joint = 2e-3, 1
+    for motion in range(3):
+        t, *link = make_periodic(2, 4.0, 500.0, motion)
+        tau = inverse_dynamics(body, body.prior(), *link)
+        w = 2j * np.pi * np.fft.rfftfreq(len(t), t[1])
+        wound = np.fft.irfft(np.fft.rfft(tau[:, joint]) / (stiffness * (1.0 + relaxation * w)), len(t))
+        motor = link[0] + wound[:, None] * (np.arange(2) == joint)
+        for _ in range(2):
+            noise = 0.005 * np.std(tau, axis=0)
+            measured = motor + 1e-6 * random.normal(size=motor.shape)
+            recordings.append(Trajectory(t, measured, tau + noise * random.normal(size=tau.shape)))
+    finding = only(diagnose(body, recordings).findings, "joint_elasticity")
+    assert finding.place.joint == joint
+    assert near(finding, "stiffness", stiffness)
+    assert float(finding.parameters["stiffness"].standard_error) < 0.02 * stiffness

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import butter, lfilter, lfilter_zi
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.telling.answer import Diagnosis
+from estimator.effects import effect
 
 Array = NDArray[np.float64]
 Late = Callable[..., Diagnosis]
@@ -22,10 +24,15 @@ NOISE = np.array([0.9, 1.2, 0.7, 0.3, 0.15, 0.1])
 
 @pytest.fixture(scope="module")
 def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, Array, Array]]) -> Late:
-    """Two playings of three motions that begin and end at speed, channels late by ``delays`` s."""
+    """Two playings of three motions that begin and end at speed, channels late by so many s, or torques ``filtered``:
+    order and corner (Hz) of a Butterworth filter."""
 
     def make(
-        noise: float, torque: float | Array = 0.0, position: float = 0.0, velocity: float | None = None
+        noise: float,
+        torque: float | Array = 0.0,
+        position: float = 0.0,
+        velocity: float | None = None,
+        filtered: tuple[int, float] | None = None,
     ) -> Diagnosis:
         random = np.random.default_rng(1)
         true = six_axis.prior() * (1.0 + 0.02 * np.repeat(random.normal(size=six_axis.n), 10))
@@ -38,6 +45,10 @@ def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, A
                 return np.array([CubicSpline(t, c)(t - s) for c, s in zip(x.T, each, strict=True)]).T
 
             tau = behind(inverse_dynamics(six_axis, true, q, dq, ddq), torque)
+            if filtered is not None:
+                order, corner = filtered
+                b, a = butter(order, corner, fs=500.0)
+                tau = lfilter(b, a, tau, axis=0, zi=lfilter_zi(b, a)[:, None] * tau[0])[0]
             angles, speeds = behind(q, position), None if velocity is None else behind(dq, velocity)
             recordings += [
                 Trajectory(
@@ -81,3 +92,16 @@ def test_a_long_delay_is_told_between_those_that_are_tried(late: Late) -> None:
     found = late(1.0, torque=12e-3)
     (only,) = found.findings
     assert float(only.parameters["delay"].value) == pytest.approx(12e-3, rel=0.02)
+
+
+@pytest.mark.parametrize(("order", "words"), [(1, "first"), (2, "second")])
+def test_filtered_torques_are_late_and_nothing_else(late: Late, order: int, words: str) -> None:
+    """As by any filter of a drive: above a quarter of its corner its answer is no delay, which springs would mend."""
+    corner = 12.0
+    found = late(0.3, filtered=(order, corner))
+    (only,) = found.findings
+    assert (only.effect, only.place.joint, only.place.channel) == ("transport_delay", None, "torque")
+    slow = (1.0 if order == 1 else np.sqrt(2.0)) / (2.0 * np.pi * corner)
+    assert float(only.parameters["delay"].value) == pytest.approx(slow, rel=0.04)
+    assert effect(only.effect).form(only.shape) == f"as of a low-pass filter of {words} order"
+    assert found.verdict == "named", found.unexplained

@@ -162,6 +162,23 @@ def test_a_rotor_that_two_joints_turn(six_axis: RigidBody, record: Recorder) -> 
     assert found.parameters["level"].value == pytest.approx(0.0, abs=0.02)
 
 
+def test_soft_friction_that_two_joints_share_has_the_ratio_and_the_level_that_it_has(
+    six_axis: RigidBody, record: Recorder
+) -> None:
+    """Bristles make any sign soft: one that stayed sharp would take that up with its ratio and its level."""
+    level, ratio, soft = 4.0, 1.0, 0.03
+
+    def shared(q: Array, dq: Array, ddq: Array) -> Array:
+        spent = level * np.tanh((dq[:, 4] + ratio * dq[:, 5]) / soft)
+        return on(4, spent, q) + on(5, ratio * spent, q)
+
+    (found,) = diagnose(six_axis, record(shared, 2)).findings
+    assert (found.effect, found.place.joint, found.place.other) == ("transmission_coupling", 4, 5)
+    for name, true in (("level", level), ("ratio", ratio)):
+        told = found.parameters[name]
+        assert abs(float(told.value) - true) < 3.0 * float(told.standard_error) < 0.02 * true, name
+
+
 def test_without_repeats_the_noise_is_assumed_and_the_answer_says_so(six_axis: RigidBody, record: Recorder) -> None:
     found = diagnose(six_axis, record(playings=1))
     assert found.verdict == "clean"
