@@ -166,7 +166,7 @@ def test_soft_friction_that_two_joints_share_has_the_ratio_and_the_level_that_it
     six_axis: RigidBody, record: Recorder
 ) -> None:
     """Bristles make any sign soft: one that stayed sharp would take that up with its ratio and its level."""
-    level, ratio, soft = 4.0, 1.0, 0.03
+    level, ratio, soft = 6.0, 1.0, 0.2
 
     def shared(q: Array, dq: Array, ddq: Array) -> Array:
         spent = level * np.tanh((dq[:, 4] + ratio * dq[:, 5]) / soft)
