@@ -77,8 +77,9 @@ def _told(parameters: Mapping[str, Quantity]) -> dict[str, Quantity]:
 
 def _in_proportion(told: Mapping[str, Quantity]) -> bool:
     """Whether all follow from one unknown, as the parameters of a link of another density do."""
-    relative = [q.standard_error / np.abs(q.value) for q in told.values()]
-    return len(relative) > 1 and bool(np.ptp(np.hstack(relative)) < 1e-6 * np.max(np.hstack(relative)))
+    each = [(np.atleast_1d(q.value), np.atleast_1d(q.standard_error)) for q in told.values()]
+    relative = np.array([e / abs(v) for pair in each for v, e in zip(*pair, strict=True) if v != 0.0])
+    return len(relative) > 1 and bool(np.ptp(relative) < 1e-6 * np.max(relative))
 
 
 def place_text(place: Place, joints: Sequence[str], verb: bool = True) -> str:

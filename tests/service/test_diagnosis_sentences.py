@@ -76,6 +76,6 @@ def test_a_shared_rotor_is_told_without_the_friction_that_it_has_not() -> None:
 @pytest.mark.parametrize(("error", "one"), [(0.15, True), (0.2, False)])
 def test_what_follows_from_one_unknown_is_told_with_one_error(error: float, one: bool) -> None:
     parameters = {name: Quantity(0.0, 0.0, "kg·m²") for name in ("I_xx", "I_xy", "I_xz", "I_yy")}
-    parameters |= {"m": Quantity(3.0, 0.3, "kg"), "mx": Quantity(-1.5, error, "kg·m")}
+    parameters |= {"m": Quantity(3.0, 0.3, "kg"), "mx": Quantity(np.array([-1.5, 0.0]), np.array([error, 0.0]), "kg·m")}
     found = Finding("link_inertia", Place(1), "named", parameters, 90.0, 0.0, 1.0, (), (), None)
     assert ("one unknown, and one error" in sentence_of(found, ("shoulder", "elbow"))) is one
