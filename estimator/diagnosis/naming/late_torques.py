@@ -25,7 +25,7 @@ from estimator.diagnosis.observed.stretches import Stretch
 
 Array = NDArray[np.float64]
 
-_NO_JOINT_S = 10.0
+_OF_JOINTS = 10.0
 """nats that delays of single joints explain together beside that of all, to be any joint's own."""
 _WORTH = 3.0
 """nats that a cause must be expected to explain more beside the motion that the torques answer to."""
@@ -76,7 +76,7 @@ def late_alike(evidence: Evidence, scores: Scores, chosen: list[int], refined: R
         return chosen, refined
     fewer = [k for k in chosen if k in alike or k not in delays]
     shaped = fitted(evidence, scores, fewer)
-    return (fewer, shaped) if shaped.explained >= refined.explained - _NO_JOINT_S else (chosen, refined)
+    return (fewer, shaped) if shaped.explained >= refined.explained - _OF_JOINTS else (chosen, refined)
 
 
 def as_fitted(evidence: Evidence, pieces: Sequence[Stretch]) -> list[Stretch]:
