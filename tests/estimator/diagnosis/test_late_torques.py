@@ -15,6 +15,7 @@ from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.diagnosis.diagnose import diagnose
 from estimator.effects import Place, Signals
+from estimator.effects.transport_delay import SECOND_ORDER
 
 Array = NDArray[np.float64]
 Periodic = Callable[..., tuple[Array, Array, Array, Array]]
@@ -96,6 +97,48 @@ def test_torques_through_a_filter_are_late_alike(make_periodic: Periodic) -> Non
     delays = [f for f in diagnose(body, recordings).findings if f.effect == "transport_delay"]
     assert [(f.place.joint, f.place.channel) for f in delays] == [(None, "torque")]
     assert float(delays[0].parameters["delay"].value) == pytest.approx(late, rel=0.2)
+
+
+def through_a_filter(x: Array, delay: float) -> Array:
+    """Butterworth's of second order, of a channel (samples, …) that repeats."""
+    s = 2j * np.pi * np.fft.rfftfreq(len(x), 1.0 / RATE)[:, None]
+    return np.fft.irfft(np.fft.rfft(x, axis=0) / (1.0 + delay * s + 0.5 * (delay * s) ** 2), len(x), axis=0)
+
+
+def test_friction_behind_a_filter_is_named_as_it_is(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """It turns over as slowly as the filter lets it, which no law of friction does."""
+    body, random, recordings = make_chain("rrr"), np.random.default_rng(6), []
+    for motion in range(3):
+        t, q, dq, ddq = make_periodic(3, 8.0, RATE, motion)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + LEVELS * np.tanh(dq / 0.01) + VISCOUS * dq
+        for _ in range(2):
+            measured = q + 1e-6 * random.normal(size=q.shape)
+            recordings.append(
+                Trajectory(t, measured, through_a_filter(tau, LATE) + NOISE * random.normal(size=q.shape))
+            )
+    told = {(f.effect, f.place.joint): f for f in diagnose(body, recordings).findings}
+    expected = {("coulomb_friction", k) for k in range(3)} | {("viscous_friction", 0), ("viscous_friction", 2)}
+    assert set(told) == expected | {("transport_delay", None)}
+    for k in range(3):
+        assert float(told["coulomb_friction", k].parameters["level"].value) == pytest.approx(LEVELS[k], rel=0.01)
+    assert float(told["transport_delay", None].parameters["delay"].value) == pytest.approx(LATE, rel=0.02)
+
+
+def test_a_model_s_torque_goes_through_its_filter(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    body = make_chain("rrr")
+    t, *motion = make_periodic(3, 8.0, RATE, 4)
+    friction = FittedEffect("viscous_friction", Place(1), {"coefficient": 4.0})
+    delay = FittedEffect("transport_delay", Place(channel="torque"), {"delay": LATE}, shape=np.array([SECOND_ORDER]))
+    prompt = ArmModel(body, (friction,)).torque(*motion, t)
+    found = ArmModel(body, (friction, delay)).torque(*motion, t)
+    settled = slice(200, -1)
+    np.testing.assert_allclose(
+        found[settled], through_a_filter(prompt, LATE)[settled], atol=1e-4 * np.abs(prompt).max()
+    )
 
 
 def test_a_model_s_torque_is_late_with_all_that_it_holds(
