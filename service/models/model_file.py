@@ -256,6 +256,9 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
         parameters["joint_other"] = float(other)
     errors = {key: _value(one.standard_error) for key, one in entry.parameter.items() if one.standard_error is not None}
     _complete(found, place, parameters)
+    if entry.shape is not None and len(entry.shape) != len(found.hidden):
+        told = f"has a shape of {len(entry.shape)} numbers"
+        raise InputError(f"effect {entry.name}", told, f"give {len(found.hidden)}, or none for a sharp one")
     shape = None if entry.shape is None else np.array(entry.shape)
     return FittedEffect(entry.name, place, parameters, errors, shape)
 

@@ -136,6 +136,7 @@ def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: Mod
         ('name = "payload"', 'name = "gremlins"', "not in the catalogue"),
         ("parameter.mass", "parameter.weight", "no 'weight'"),
         ("joint3 = [", "joint3 = [1.0, ", "ten numbers"),
+        ("shape = [0.05]", "shape = [0.05, 1.0]", "shape of 2 numbers"),
         ("parameter.breakaway", "parameter.level", "TOML"),
         ('parameter.delay = { "value" = 0.004, "unit" = "s" }', "", "lacks 'delay'"),
         ('"value" = [0.1, 0.0, 0.2]', '"value" = [0.1, 0.2]', "not as many numbers"),
