@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis
-from estimator.effects import Lag, Parameters, Place, Signals, effect
+from estimator.effects import Lateness, Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
 from estimator.terms import PARAMETER_OF
@@ -43,11 +43,10 @@ class FittedEffect:
         """Put it into a plant."""
         effect(self.name).of(self.parameters).simulate_fitted(self.place, self.parameters, plant, self.shape)
 
-    def lateness(self, body: RigidBody) -> tuple[Array, Lag | None]:
-        """(n,) s by which it makes torques late against the angles, and the lag that it makes them go through."""
+    def lateness(self, body: RigidBody) -> Lateness:
+        """What it makes be recorded late."""
         law = effect(self.name).of(self.parameters)
-        theta = law.fitted_theta(self.place, self.parameters, self.shape)
-        return law.lateness(body, self.place, theta), law.lag(theta)
+        return law.lateness(body, self.place, law.fitted_theta(self.place, self.parameters, self.shape))
 
     @property
     def measures_late(self) -> bool:
@@ -101,9 +100,8 @@ class ArmModel:
         return draft
 
     def _torque(self, signals: Signals, effects: Sequence[FittedEffect]) -> Array:
-        told = [one.lateness(self.body) for one in effects]
-        late, lag = sum((delay for delay, _ in told), np.zeros(self.body.n)), next((x for _, x in told if x), None)
-        answered = signals.answering_to(late, lag) if late.any() or lag else signals
+        late = Lateness.together(self.body.n, (one.lateness(self.body) for one in effects))
+        answered = signals.answering_to(late) if late.is_any else signals
         total = signals.tau_rigid.copy()
         for one in effects:
             torque = one.torque(answered)

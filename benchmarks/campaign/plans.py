@@ -14,11 +14,13 @@ from benchmarks.campaign.body_causes import BODIES
 from benchmarks.campaign.cause import Draw
 from benchmarks.campaign.friction_causes import FRICTION
 from benchmarks.campaign.outside_causes import OUTSIDE
-from benchmarks.campaign.sensor_causes import SENSORS
-from benchmarks.campaign.transmission_causes import TRANSMISSION
+from benchmarks.campaign.sensor_causes import LATE_ANGLES, SENSORS
+from benchmarks.campaign.transmission_causes import FINE_LINES, TRANSMISSION
 
 CATALOGUE: dict[str, Draw] = {**FRICTION, **TRANSMISSION, **SENSORS, **BODIES}
-ALL = {**CATALOGUE, **OUTSIDE}
+ASKED_FOR: dict[str, Draw] = {**FINE_LINES, **LATE_ANGLES}
+"""Drawn where they are asked for alone."""
+ALL = {**CATALOGUE, **OUTSIDE, **ASKED_FOR}
 SCATTER = (0.0, 0.02, 0.05)
 
 

@@ -17,7 +17,7 @@ from benchmarks.campaign.cause import Cause, Named, Tables, merged
 from benchmarks.campaign.friction_causes import everywhere
 from benchmarks.campaign.motions import RATE_HZ, Playlist, draw_playlist, draw_programs
 from benchmarks.campaign.outside_causes import OUTSIDE
-from benchmarks.campaign.plans import ALL, CATALOGUE, Plan
+from benchmarks.campaign.plans import ALL, ASKED_FOR, CATALOGUE, Plan
 from benchmarks.campaign.playing import Run, as_recorded, play, read_off
 from benchmarks.campaign.sizing import Array, Scale, amplitude_for, folded_rms, noise_deviation, noise_in_band
 from config import Installation
@@ -196,7 +196,7 @@ def _causes(
 def _fitted(
     kind: str, plan: Plan, arm: TrueArm, free: list[str], scale: Scale, rng: Generator
 ) -> tuple[Cause, str, float, float]:
-    kinds = list(OUTSIDE if kind in OUTSIDE else CATALOGUE)
+    kinds = next(list(some) for some in (CATALOGUE, OUTSIDE, ASKED_FOR) if kind in some)
     first = kinds.index(kind)
     for name in kinds[first:] + kinds[:first]:
         for joint in rng.permutation(free)[:TRIES].tolist():

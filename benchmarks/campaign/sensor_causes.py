@@ -55,6 +55,18 @@ def late_torque(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     )
 
 
+def late_angle(arm: TrueArm, joint: str, rng: Generator) -> Cause:
+    """As of an encoder that is asked over a line of its own. The servo closes its loop over it too."""
+    return Cause(
+        "transport_delay:angle",
+        named("transport_delay", joint),
+        lambda a: {"angle_sensor": [{"joint": joint, "delay_s": a}]},
+        0.001,
+        0.015,
+        lambda a: {"delay": a},
+    )
+
+
 def encoder_offset(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     sign = float(rng.choice([-1.0, 1.0]))
     return Cause(
@@ -87,3 +99,4 @@ SENSORS: dict[str, Draw] = {
     "encoder_offset": encoder_offset,
     "encoder_eccentricity": eccentricity,
 }
+LATE_ANGLES: dict[str, Draw] = {"transport_delay:angle": late_angle}

@@ -141,6 +141,20 @@ def pulleys(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     )
 
 
+def wave_generator(arm: TrueArm, joint: str, rng: Generator) -> Cause:
+    """A harmonic drive's: two waves a turn of what turns its flexspline, which turns 50 to 120 times as often as the
+    joint."""
+    order, phase = 2.0 * float(rng.integers(50, 121)), float(rng.uniform(-np.pi, np.pi))
+    return Cause(
+        "cogging:wave_generator",
+        named("cogging", joint),
+        lambda a: {"cogging": [{"joint": joint, "order": order, "amplitude_nm": a, "phase_rad": phase}]},
+        limit_nm(arm, joint),
+        40 * limit_nm(arm, joint),
+        lambda a: {"order": order, "amplitude": a},
+    )
+
+
 def ripple(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     order, phase = float(rng.integers(4, 25)), float(rng.uniform(-np.pi, np.pi))
     return Cause(
@@ -214,3 +228,4 @@ TRANSMISSION: dict[str, Draw] = {
     "transmission_coupling": coupling,
     "transmission_coupling:rotor": shared_rotor,
 }
+FINE_LINES: dict[str, Draw] = {"cogging:wave_generator": wave_generator}

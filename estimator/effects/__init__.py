@@ -8,13 +8,14 @@ from pkgutil import iter_modules
 
 from config import InputError
 from estimator.effects.effect import Effect, Equation, JointEffect, Law, Parameters, Place
-from estimator.effects.signals import Lag, Scales, Signals
+from estimator.effects.lateness import Lateness
+from estimator.effects.signals import Scales, Signals
 
 __all__ = [
     "Effect",
     "Equation",
     "JointEffect",
-    "Lag",
+    "Lateness",
     "Law",
     "Parameters",
     "Place",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.waves import amplitude_and_phase, coefficients_of, each_quadratures, orders
+from estimator.effects.waves import amplitude_and_phase, coefficients_of, each_quadratures, fine_orders, orders
 from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
@@ -33,12 +33,16 @@ class Cogging(JointEffect):
     def grid(self, place: Place, scales: Scales) -> Array:
         return orders(scales, self.joint(place))[:, None]
 
+    def finer(self, place: Place, scales: Scales) -> Array:
+        return fine_orders(scales, self.joint(place))[:, None]
+
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return next(self.columns_of_each(place, signals, [theta]))
 
     def columns_of_each(self, place: Place, signals: Signals, thetas: Sequence[Array]) -> Iterator[Array]:
         joint = self.joint(place)
-        for waves in each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint]):
+        turned = signals.dq[:, joint] * signals.period
+        for waves in each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint], turned):
             yield waves[:, None, :]
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config import InputError
-from estimator.effects.signals import Lag, Scales, Signals
+from estimator.effects.lateness import Lateness
+from estimator.effects.signals import Scales, Signals
 from estimator.rigid_body import RigidBody
 from estimator.twin.plant import PlantDraft
 
@@ -159,21 +160,17 @@ class Law(ABC):
         """theta with which one that is `factored` is as large as it is with these, its factor being one."""
         return theta
 
-    def timed(self, place: Place) -> int:
+    def timed(self, place: Place) -> int | None:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
-        channels add to that; 0 of all others."""
-        return 0
-
-    def lateness(self, body: RigidBody, place: Place, theta: Array) -> Array:
-        """(n,) s by which it makes each joint's torque late against the angles, of all that is recorded there."""
-        late = np.zeros(body.n)
-        if self.timed(place) and self.equation_at(place) == "torque":
-            late[list(self.rows(body, place))] = self.timed(place) * float(theta[0])
-        return late
-
-    def lag(self, theta: Array) -> Lag | None:
-        """What it makes all torques go through on their way into a recording."""
+        channels add to that, 0 where none of them is this delay; None of all others."""
         return None
+
+    def lateness(self, body: RigidBody, place: Place, theta: Array) -> Lateness:
+        """What it makes be recorded late, of all that is recorded there."""
+        late = Lateness.none(body.n)
+        if (sign := self.timed(place)) is not None and self.equation_at(place) == "torque":
+            late.delay[list(self.rows(body, place))] = sign * float(theta[0])
+        return late
 
     def experiment_at(self, place: Place, body: RigidBody) -> str:
         """The same sentence for a place."""
@@ -203,6 +200,11 @@ class Law(ABC):
         """(k, p) the non-linear parameters to try first, one choice a row; they are refined later within the span of
         each column of the grid."""
         return NO_THETA
+
+    def finer(self, place: Place, scales: Scales) -> Array:
+        """(k, p) more of one that `recurs`, of which few are likely: tried by themselves, where torques are left that
+        those of the grid do not explain."""
+        return NO_THETA[:0]
 
     def around(self, place: Place, scales: Scales, theta: Array, share: float) -> Array:
         """(k, p) shapes about one of a law that is `sought`, as far from it as a ``share`` of what lies between two of

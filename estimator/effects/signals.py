@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from estimator.effects.lateness import Lateness
 from estimator.effects.second_order import second_order_lag
 from estimator.kinematics import tip_jacobian, tip_positions
 from estimator.regressor import inverse_dynamics, torque_regressor
@@ -19,13 +20,12 @@ from estimator.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
-Lag = tuple[float, float]
-"""Of a low-pass filter 1/(1 + a·s + b·s²) of torques: a in s, b in s²."""
 _AT_REST = 1e-6
 """rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
 _LEAST_WARMING = 2.0
 """°C over which a joint must have been, for its temperature to tell anything."""
 _OF_THE_MOTION = ("q", "dq", "ddq", "tau_rigid")
+_OF_ALL_SAMPLES = ("body", "t", "late", "recorded")
 _THIN = 8
 """Samples of a motion for each of which one place is kept."""
 
@@ -60,10 +60,10 @@ class Signals:
     """(samples, 6) N and N·m in the sensor's frame."""
     load_wrench: Array | None = None
     """(samples, 6) what the sensor should exert on the given load during this motion."""
-    lag: Lag | None = None
-    """What all torques of laws go through before they are recorded."""
+    late: Lateness | None = None
+    """Of what was recorded, where the torques answer to another motion than that (`answering_to`)."""
     recorded: Signals | None = None
-    """The motion as it was recorded, where the one that the torques answer to is another (`answering_to`)."""
+    """The motion as it was recorded, where that is another."""
 
     @classmethod
     def of_motion(cls, body: RigidBody, t: Array, q: Array, dq: Array, ddq: Array) -> Signals:
@@ -72,9 +72,7 @@ class Signals:
 
     def part(self, span: slice, t: Array) -> Signals:
         """Some neighbouring samples of it, at other times ``t`` s; what was worked out of the motion is kept."""
-        channels = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("body", "t", "lag", "recorded")
-        }
+        channels = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _OF_ALL_SAMPLES}
         result = replace(self, t=t, **{name: x[span] for name, x in channels.items() if x is not None})
         if self.recorded is not None:
             result = replace(result, recorded=self.recorded.part(span, t))
@@ -84,24 +82,38 @@ class Signals:
             result.__dict__["sensitivity"] = tuple(x[span] for x in self.sensitivity)
         return result
 
-    def answering_to(self, earlier: Array, lag: Lag | None = None) -> Signals:
-        """Of torques that are late by so many s (n,), each joint's motion so much earlier, for all laws of torques, and
-        these through a ``lag``; what is compared with the motion itself, as a velocity, finds that in `recorded`."""
-        moved: dict[str, Any] = {name: getattr(self, name).copy() for name in _OF_THE_MOTION}
-        for late in np.unique(earlier[earlier != 0.0]):
-            joints = np.flatnonzero(earlier == late)
-            for name, channel in moved.items():
-                channel[:, joints] = CubicSpline(self.t, getattr(self, name)[:, joints])(self.t - late)
-        return replace(self, **moved, recorded=self, lag=lag)
+    def answering_to(self, late: Lateness) -> Signals:
+        """The motion that torques answer to which are recorded so, for all laws of torques: each joint's so much
+        earlier. What is compared with the motion itself, as a velocity, finds that in `recorded`."""
+        moved: dict[str, Any] = {name: self._earlier(getattr(self, name), late.delay) for name in _OF_THE_MOTION}
+        return replace(self, **moved, late=late, recorded=self)
+
+    def _earlier(self, channel: Array, by: Array) -> Array:
+        """A channel (samples, n), each joint's so many s (n,) earlier."""
+        result = channel.copy()
+        for late in np.unique(by[by != 0.0]):
+            joints = np.flatnonzero(by == late)
+            result[:, joints] = CubicSpline(self.t, channel[:, joints])(self.t - late)
+        return result
 
     def lagged(self, x: Array) -> Array:
         """Torques (samples, …) as they are recorded: through the lag that is before them."""
-        return x if self.lag is None else second_order_lag(x, self.period, *self.lag)
+        return x if self.late is None or self.late.lag is None else second_order_lag(x, self.period, *self.late.lag)
 
     @property
     def as_recorded(self) -> Signals:
         """The motion as it was recorded."""
         return self if self.recorded is None else self.recorded
+
+    @cached_property
+    def in_time(self) -> Signals:
+        """The motion as it was recorded, but for single joints' angles that were late, and the torques that the given
+        model needs for it."""
+        told = self.as_recorded
+        if self.late is None or not self.late.angles.any():
+            return told
+        motion = (told._earlier(channel, -self.late.angles) for channel in (told.q, told.dq, told.ddq))
+        return Signals.of_motion(self.body, self.t, *motion)
 
     @property
     def samples(self) -> int:
@@ -181,20 +193,31 @@ class Signals:
     def by_angle_error(self, joint: int, error: Array) -> Array:
         """(samples, n): what the model's torque gains when the true angle of a joint is ``error`` (samples,) rad more
         than the measured one, with the speed and acceleration that come with it."""
-        by_q, by_dq, by_ddq = self.sensitivity
-        speed = self.slope(error)
-        acceleration = self.slope(speed)
-        return np.asarray(
-            by_q[:, :, joint] * error[:, None]
-            + by_dq[:, :, joint] * speed[:, None]
-            + by_ddq[:, :, joint] * acceleration[:, None]
-        )
+        return self._by_small_difference(joint, *self._with_slopes(error))
 
     def by_large_angle_error(self, joint: int, error: Array) -> Array:
         """(samples, n) the same of an ``error`` of any size, of which `by_angle_error` is the first order."""
-        true = [self.q.copy(), self.dq.copy(), self.ddq.copy()]
+        return self._by_difference(joint, *self._with_slopes(error))
+
+    def by_late_angle(self, joint: int, delay: float, small: bool = False) -> Array:
+        """(samples, n) the same of an angle that was recorded ``delay`` s late; of a ``small`` one to the first order
+        in how far the joint moves in that time, in a tenth of the time."""
+        own = np.stack([self.q[:, joint], self.dq[:, joint], self.ddq[:, joint]], axis=1)
+        difference = (CubicSpline(self.t, own)(self.t + delay) - own).T
+        return self._by_small_difference(joint, *difference) if small else self._by_difference(joint, *difference)
+
+    def _with_slopes(self, error: Array) -> tuple[Array, Array, Array]:
         speed = self.slope(error)
-        for channel, own in zip(true, (error, speed, self.slope(speed)), strict=True):
+        return error, speed, self.slope(speed)
+
+    def _by_small_difference(self, joint: int, q: Array, dq: Array, ddq: Array) -> Array:
+        """(samples, n) by as much more (samples,) of a joint's motion, to the first order."""
+        each = zip(self.sensitivity, (q, dq, ddq), strict=True)
+        return np.asarray(sum(by[:, :, joint] * own[:, None] for by, own in each))
+
+    def _by_difference(self, joint: int, q: Array, dq: Array, ddq: Array) -> Array:
+        true = [self.q.copy(), self.dq.copy(), self.ddq.copy()]
+        for channel, own in zip(true, (q, dq, ddq), strict=True):
             channel[:, joint] += own
         return inverse_dynamics(self.body, self.body.prior(), *true) - self.tau_rigid
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.waves import amplitude_and_phase, coefficients_of, each_quadratures, orders
+from estimator.effects.waves import amplitude_and_phase, coefficients_of, each_quadratures, fine_orders, orders
 from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
@@ -35,15 +35,18 @@ class TorqueRipple(JointEffect):
     experiment = "sweep {joint} slowly through its range, under two loads"
 
     def grid(self, place: Place, scales: Scales) -> Array:
-        k = orders(scales, self.joint(place))
-        return np.stack([k, np.zeros(len(k)), np.zeros(len(k))], axis=1)
+        return _small(orders(scales, self.joint(place)))
+
+    def finer(self, place: Place, scales: Scales) -> Array:
+        return _small(fine_orders(scales, self.joint(place)))
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         return next(self.columns_of_each(place, signals, [theta]))
 
     def columns_of_each(self, place: Place, signals: Signals, thetas: Sequence[Array]) -> Iterator[Array]:
         joint = self.joint(place)
-        each = each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint])
+        turned = signals.dq[:, joint] * signals.period
+        each = each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint], turned)
         for theta, waves in zip(thetas, each, strict=True):
             left = 1.0 - np.minimum(waves @ theta[1:], _MOST) if theta[1:].any() else 1.0
             yield ((signals.tau_rigid[:, joint] / left)[:, None] * waves)[:, None, :]
@@ -64,6 +67,11 @@ class TorqueRipple(JointEffect):
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         order, amplitude, phase = (float(parameters[name]) for name in self.units)
         plant.spending.append((self.joint(place), lambda at: at.motor * amplitude * math.sin(order * at.q + phase)))
+
+
+def _small(orders: Array) -> Array:
+    """(k, 3) theta of ripples that are small."""
+    return np.stack([orders, np.zeros(len(orders)), np.zeros(len(orders))], axis=1)
 
 
 EFFECT = TorqueRipple()

@@ -331,7 +331,15 @@ def test_wrench_effects_are_what_the_sensor_says(signals: Signals) -> None:
 @pytest.mark.parametrize("orders", [(7.0,), (1.0, 2.5, 4.0, 5.5), (1.0, 2.5, 3.9, 7.0), (36.0, 12.0)])
 def test_waves_of_many_orders_are_those_of_each(signals: Signals, orders: tuple[float, ...]) -> None:
     angle = signals.q[:, 1]
-    made = list(each_quadratures(orders, angle))
+    made = list(each_quadratures(orders, angle, signals.dq[:, 1] * signals.period))
     assert len(made) == len(orders)
     for order, waves in zip(orders, made, strict=True):
         np.testing.assert_allclose(waves, np.stack([np.sin(order * angle), np.cos(order * angle)], axis=1), atol=1e-12)
+
+
+def test_a_wave_that_passes_faster_than_samples_tell_is_none() -> None:
+    """Left in, one that goes on by 0.99 of a period a sample would be a slow one of its own."""
+    turned = np.full(400, 0.99 * 2.0 * np.pi / 80.0)
+    (fast,), (slow,) = (each_quadratures([order], np.cumsum(turned), turned) for order in (80.0, 8.0))
+    assert not np.any(fast)
+    np.testing.assert_allclose(np.hypot(*slow.T), 1.0)

@@ -285,7 +285,7 @@ def _as_recorded(hypothesis: Hypothesis, candidate: Candidate, signals: Signals,
     """A candidate's columns, of torques as these are recorded, with those of the speeds where it enters them."""
     effect, place = hypothesis.effect, hypothesis.place
     # What is late is told of the motion as it was recorded.
-    if effect.equation_at(place) == "torque" and not effect.timed(place):
+    if effect.equation_at(place) == "torque" and effect.timed(place) is None:
         columns = signals.lagged(columns)
     if columns.shape[1] == len(candidate.channels):
         return columns

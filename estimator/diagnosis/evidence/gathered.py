@@ -21,12 +21,11 @@ from estimator.diagnosis.observed.assumed_noise import assumed_noise
 from estimator.diagnosis.observed.drives_off import read_off
 from estimator.diagnosis.observed.first_body import first_body, has_bodies
 from estimator.diagnosis.observed.grains import repeated_share, repeated_white
-from estimator.diagnosis.observed.lateness import Lateness
 from estimator.diagnosis.observed.noise import ORDER, Noise, autocovariance
 from estimator.diagnosis.observed.repetition import lay, playings, repeated_noise
 from estimator.diagnosis.observed.stretches import Grid, Stretch, make_grid, mean_power, stretches, told_by
 from estimator.diagnosis.observed.tolerance import given_precision
-from estimator.effects import Effect, Place, Scales, catalogue
+from estimator.effects import Effect, Lateness, Place, Scales, catalogue
 from estimator.filtering import Decimator
 from estimator.repeats import RepeatGroup, find_repeats
 from estimator.rigid_body import RigidBody

@@ -88,7 +88,7 @@ def _at_one(
 def _forms(design: Design, candidate: Candidate) -> list[Array]:
     """Of a delay's grid one theta of each form."""
     hypothesis = design.hypotheses[candidate.hypothesis]
-    if not hypothesis.effect.timed(hypothesis.place):
+    if hypothesis.effect.timed(hypothesis.place) is None:
         return []
     grid = [c.theta for c in design.candidates if c.hypothesis == candidate.hypothesis]
     return list({tuple(theta[1:]): theta for theta in grid}.values())
@@ -135,7 +135,7 @@ def shaped_by_coefficients(design: Design, value: Array, candidates: Sequence[Ca
         sign = hypothesis.effect.timed(hypothesis.place)
         own = value[design.candidates[number].columns]
         theta = hypothesis.effect.exact_at(candidate.theta, own)
-        if sign:
+        if sign is not None:
             timings = value[design.base.rank + np.array(candidate.channels)]
             theta[0] = np.clip(float(own[0]) + sign * timings.mean(), _LEAST_DELAY, _LONGEST_DELAY)
         result.append(replace(candidate, theta=theta))

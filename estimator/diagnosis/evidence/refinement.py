@@ -29,6 +29,8 @@ _STEP = 1e-3
 _BEYOND = 0.1
 """Of a grid's span, how far beyond it the shape of a law that was sought between its shapes may go: it may stand at its
 end."""
+_LINES = 48
+"""Lines of a spectrum to either side, beyond which one does not go."""
 _ENOUGH = 0.02
 """nats; a smaller improvement ends the refinement."""
 
@@ -130,12 +132,15 @@ def _span(design: Design, candidate: int) -> tuple[Array, Array]:
     """Least and largest theta of a candidate's grid; what is a choice, a delay, or a coefficient has no span."""
     own = design.candidates[candidate]
     hypothesis = design.hypotheses[own.hypothesis]
-    choices = [*([0] if hypothesis.effect.timed(hypothesis.place) else []), *hypothesis.effect.choices]
+    choices = [*([] if hypothesis.effect.timed(hypothesis.place) is None else [0]), *hypothesis.effect.choices]
     same = [c.theta for c in design.candidates if c.hypothesis == own.hypothesis]
     grid = np.array([theta for theta in same if np.array_equal(theta[choices], own.theta[choices])])
     low, high = grid.min(axis=0), grid.max(axis=0)
     about = list(hypothesis.effect.about)
     low[about] = high[about] = own.theta[about]
+    if hypothesis.effect.recurs and len(grid) > 1:
+        reach = _LINES * np.median(np.diff(np.sort(grid[:, 0])))
+        low[0], high[0] = max(low[0], own.theta[0] - reach), min(high[0], own.theta[0] + reach)
     beyond = (_BEYOND if hypothesis.effect.sought else 0.0) * (high - low)
     return np.minimum(low, own.theta - beyond), np.maximum(high, own.theta + beyond)
 

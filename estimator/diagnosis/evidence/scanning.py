@@ -63,7 +63,7 @@ def _steps(design: Design, candidate: int) -> Array:
     """(2, p) from a candidate's theta down and up to the next ones of its grid, entry by entry; zero for what stays."""
     own = design.candidates[candidate]
     effect, place = design.hypotheses[own.hypothesis].effect, design.hypotheses[own.hypothesis].place
-    if effect.dry or effect.timed(place):
+    if effect.dry or effect.timed(place) is not None:
         return np.zeros((2, len(own.theta)))
     stays = {*effect.hidden, *effect.choices, *effect.about}
     grid = np.array([c.theta for c in design.candidates if c.hypothesis == own.hypothesis])

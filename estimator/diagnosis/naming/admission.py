@@ -130,6 +130,7 @@ class Admission:
             own.effect.name == other.effect.name
             and own.place != other.place
             and (own.place.joint, own.place.other) == (other.place.joint, other.place.other)
+            and own.effect.rows(self.design.body, own.place) == other.effect.rows(self.design.body, other.place)
             and own.effect.equation_at(own.place) == other.effect.equation_at(other.place)
         )
 

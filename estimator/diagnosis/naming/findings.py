@@ -65,7 +65,7 @@ def _against_the_model(told: dict[str, Quantity], hypothesis: Hypothesis, tolera
     of torques or angles counts that it is told by the slope of the model's torques, which is known as well as the links
     are."""
     effect, place = hypothesis.effect, hypothesis.place
-    by_slope = effect.timed(place) and effect.equation_at(place) == "torque"
+    by_slope = effect.timed(place) is not None and effect.equation_at(place) == "torque"
     inexact = tolerance if by_slope else effect.exact_to
     if not inexact:
         return told

@@ -16,6 +16,7 @@ from estimator.diagnosis.naming.accuracy import Searched, searched
 from estimator.diagnosis.naming.bent_links import with_bent_links
 from estimator.diagnosis.naming.causes import Cause
 from estimator.diagnosis.naming.findings import finding
+from estimator.diagnosis.naming.fine_lines import with_fine_lines
 from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
 from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
@@ -78,6 +79,9 @@ def judge(evidence: Evidence) -> Judged:
         found = searched(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
+        evidence, found = other, searched(other)
+        stood, refined = _standing(found)
+    if (other := with_fine_lines(evidence, found.scores, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_SHARPER):

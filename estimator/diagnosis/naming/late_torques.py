@@ -20,8 +20,8 @@ from estimator.diagnosis.evidence.grams import sheets
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.bent_links import bent, nats_changed
-from estimator.diagnosis.observed.lateness import Lateness
 from estimator.diagnosis.observed.stretches import Stretch
+from estimator.effects import Lateness
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,9 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     causes = [k for k in chosen if k not in delays]
     design = evidence.design
     another = any(np.any(design.candidates[k].theta[1:] != own.theta[1:]) for k, own in delays.items())
-    if not another and all(
+    # Beside a late angle a delay of torques is one of other torques, and hardly told from the channel's timing.
+    others = late.angles.any() and len(delays) > np.count_nonzero(late.angles)
+    if not (another or others) and all(
         nats_changed(evidence, scores, list(chosen), k, design.candidates[k], pieces) <= _WORTH for k in causes
     ):
         return None
@@ -89,20 +91,16 @@ def answering(pieces: Sequence[Stretch], late: Lateness | None) -> list[Stretch]
     measured torques stays."""
     if late is None:
         return list(pieces)
-    return [replace(p, signals=p.signals.as_recorded.answering_to(late.delay, late.lag)) for p in pieces]
+    return [replace(p, signals=p.signals.as_recorded.answering_to(late)) for p in pieces]
 
 
 def _lateness(design: Design) -> Lateness:
-    """What torques are recorded with, by the delays among a design's candidates."""
-    late, lag = np.zeros(design.body.n), None
-    for candidate in design.candidates:
-        hypothesis = design.hypotheses[candidate.hypothesis]
-        if _timed(hypothesis):
-            late += hypothesis.effect.lateness(design.body, hypothesis.place, candidate.theta)
-            lag = lag or hypothesis.effect.lag(candidate.theta)
-    return Lateness(late, lag)
+    """What is recorded late by the delays among a design's candidates."""
+    hypotheses = [(design.hypotheses[candidate.hypothesis], candidate.theta) for candidate in design.candidates]
+    told = (law.effect.lateness(design.body, law.place, theta) for law, theta in hypotheses if _timed(law))
+    return Lateness.together(design.body.n, told)
 
 
 def _timed(hypothesis: Hypothesis) -> bool:
     effect, place = hypothesis.effect, hypothesis.place
-    return bool(effect.timed(place)) and effect.equation_at(place) == "torque"
+    return effect.timed(place) is not None and effect.equation_at(place) == "torque"

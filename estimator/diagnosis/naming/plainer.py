@@ -53,9 +53,10 @@ def told_once(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
 
 
 def _of_all_joints(scores: Scores, candidate: int, other: int) -> bool:
-    """Whether the other is of all joints what a candidate is of one."""
+    """Whether the other is of all joints what a candidate is of one, in whatever channel the two are compared."""
     own, law = (scores.hypothesis(k) for k in (candidate, other))
-    return own.effect is law.effect and own.place != law.place and replace(own.place, joint=None) == law.place
+    alike = own.effect is law.effect and own.effect.equation_at(own.place) == law.effect.equation_at(law.place)
+    return alike and own.place.joint is not None and law.place.joint is None
 
 
 def _more_than_mended(scores: Scores, candidate: int, of_all: Sequence[int], others: Sequence[int]) -> bool:

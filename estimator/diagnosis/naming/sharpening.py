@@ -66,7 +66,7 @@ def _as_large(evidence: Evidence, scores: Scores, chosen: list[int], refined: Re
     shapes = {}
     for k, fitted_one in zip(chosen, refined.design.candidates, strict=True):
         own, hypothesis = evidence.design.candidates[k], scores.hypothesis(k)
-        if hypothesis.effect.timed(hypothesis.place):
+        if hypothesis.effect.timed(hypothesis.place) is not None:
             large = abs(float(fitted_one.theta[0] / own.theta[0]) - 1.0) > _OTHER_DELAY
         elif about := list(hypothesis.effect.about):
             theta = own.theta.copy()

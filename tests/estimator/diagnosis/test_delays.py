@@ -30,8 +30,8 @@ def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, A
     def make(
         noise: float,
         torque: float | Array = 0.0,
-        position: float = 0.0,
-        velocity: float | None = None,
+        position: float | Array = 0.0,
+        velocity: float | Array | None = None,
         filtered: tuple[int, float] | None = None,
     ) -> Diagnosis:
         random = np.random.default_rng(1)
@@ -72,6 +72,7 @@ def late(six_axis: RigidBody, make_periodic: Callable[..., tuple[Array, Array, A
         ("torque", None, 5e-3),
         ("torque", 2, 5e-3),
         ("position", None, 4e-3),
+        ("position", 1, 4e-3),
         ("velocity", None, 6e-3),
     ],
 )
@@ -86,6 +87,27 @@ def test_a_late_channel_is_all_that_is_named(
     assert abs(float(told.value) - delay) < 3.0 * float(told.standard_error)
     assert float(told.standard_error) < 0.03 * delay
     assert found.verdict == "named", found.unexplained
+
+
+@pytest.mark.parametrize(("speed", "words"), [(0.0, "beside a speed that is in time"), (6e-3, "")])
+def test_one_joint_s_angle_is_late_alone_or_with_its_speed(late: Late, speed: float, words: str) -> None:
+    own = np.arange(6) == 2
+    (only,) = late(1.0, position=6e-3 * own, velocity=speed * own).findings
+    assert (only.effect, only.place.joint, only.place.channel) == ("transport_delay", 2, "position")
+    assert effect(only.effect).form(only.shape) == words
+    assert float(only.parameters["delay"].value) == pytest.approx(6e-3, rel=0.03)
+
+
+def test_a_drive_of_which_all_is_late_is_late_in_each_of_its_channels(late: Late) -> None:
+    """As of one whose frames come a cycle after the others'. Its torque is late against all angles but its own."""
+    own = 8e-3 * (np.arange(6) == 1)
+    found = late(0.3, torque=own, position=own, velocity=own)
+    assert found.verdict == "named", found.unexplained
+    told = {(f.effect, f.place.joint, f.place.channel): float(f.parameters["delay"].value) for f in found.findings}
+    assert told == {
+        ("transport_delay", 1, "torque"): pytest.approx(8e-3, rel=0.03),
+        ("transport_delay", 1, "position"): pytest.approx(8e-3, rel=0.03),
+    }
 
 
 def test_a_long_delay_is_told_between_those_that_are_tried(late: Late) -> None:

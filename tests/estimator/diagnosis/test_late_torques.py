@@ -14,7 +14,7 @@ from config import load_installation
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.diagnosis.diagnose import diagnose
-from estimator.effects import Place, Signals
+from estimator.effects import Lateness, Place, Signals
 from estimator.effects.transport_delay import SECOND_ORDER
 
 Array = NDArray[np.float64]
@@ -158,12 +158,32 @@ def test_a_model_s_torque_is_late_with_all_that_it_holds(
     np.testing.assert_allclose(found[:-20], CubicSpline(t, prompt)(t + LATE)[:-20], atol=1e-4 * np.abs(prompt).max())
 
 
+@pytest.mark.parametrize("whole_drive", [False, True])
+def test_a_model_predicts_torques_beside_one_late_angle(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic, whole_drive: bool
+) -> None:
+    """The links' torques, and the friction of the joint whose angle it is, are those of its true motion."""
+    body = make_chain("rrr")
+    t, *motion = make_periodic(3, 8.0, RATE, 5)
+    own = LATE * (np.arange(3) == 1)
+    recorded = [np.array([CubicSpline(t, c)(t - by) for c, by in zip(x.T, own, strict=True)]).T for x in motion]
+    friction = FittedEffect("viscous_friction", Place(1), {"coefficient": 20.0})
+    late = [FittedEffect("transport_delay", Place(1, channel="position"), {"delay": LATE})]
+    expected = ArmModel(body, (friction,)).torque(*motion, t)
+    if whole_drive:
+        late.append(FittedEffect("transport_delay", Place(1, channel="torque"), {"delay": LATE}))
+        expected[:, 1] = CubicSpline(t, expected[:, 1])(t - LATE)
+    found = ArmModel(body, (friction, *late)).torque(*recorded, t)
+    inner = slice(20, -20)
+    np.testing.assert_allclose(found[inner], expected[inner], atol=2e-4 * np.abs(expected).max())
+
+
 def test_the_motion_as_it_was_recorded_stays_beside_the_one_that_torques_answer_to(
     make_chain: Callable[..., RigidBody], make_periodic: Periodic
 ) -> None:
     t, *motion = make_periodic(3, 8.0, RATE, 5)
     signals = Signals.of_motion(make_chain("rrr"), t, *motion)
-    late = signals.answering_to(np.array([0.0, 0.01, 0.01]))
+    late = signals.answering_to(Lateness(np.array([0.0, 0.01, 0.01]), np.zeros(3)))
     np.testing.assert_array_equal(late.q[:, 0], signals.q[:, 0])
     np.testing.assert_allclose(late.q[5:, 1:], signals.q[:-5, 1:], atol=1e-9)
     part = late.part(slice(100, 200), t[100:200])

@@ -15,6 +15,7 @@ from estimator.diagnosis.evidence.gathered import gather
 from estimator.diagnosis.evidence.refinement import fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.admission import Admission
+from estimator.diagnosis.naming.fine_lines import with_fine_lines
 from estimator.diagnosis.naming.plainer import without_menders
 
 Array = NDArray[np.float64]
@@ -51,6 +52,38 @@ def test_pushes_at_few_places_are_no_line_of_a_cogging(
     assert admission.stands_out(best, []) == stands
     told, _ = without_menders(evidence, scores, [best], fitted(evidence, scores, [best]))
     assert [cause.candidate for cause in told] == [best] * stands
+
+
+@pytest.mark.parametrize("order", [120.0, 160.5])
+def test_a_line_above_the_orders_that_are_tried_first_is_named(
+    make_chain: Callable[..., RigidBody], play_twice: Play, order: float
+) -> None:
+    """As of a harmonic drive: two waves a turn of its wave generator. Where the joint turns fast they are above the
+    band, and above what these samples tell."""
+    body = make_chain("rr")
+
+    def wave(q: Array, dq: Array) -> Array:
+        return FIRST * 0.6 * np.sin(order * q[:, [0]] + 0.5)
+
+    recordings = play_twice(body, wave, seconds=10.0, noise=0.1)
+    design = gather(body, recordings, 0.05).design
+    highest = max(c.theta[0] for c in design.candidates if design.hypotheses[c.hypothesis].effect.name == "cogging")
+    (one,) = diagnose(body, recordings).findings
+    assert (one.effect, one.place.joint, one.status) == ("cogging", 0, "named")
+    assert one.parameters["order"].value > highest
+    for name, true in {"order": order, "amplitude": 0.6, "phase": 0.5}.items():
+        told = one.parameters[name]
+        assert abs(float(told.value) - true) < 4.0 * float(told.standard_error)
+
+
+@pytest.mark.parametrize("law", [lambda q: 0.0 * q, pushes])
+def test_nothing_but_a_line_stands_out_of_the_spectrum_above(
+    make_chain: Callable[..., RigidBody], play_twice: Play, law: Callable[[Array], Array]
+) -> None:
+    body = make_chain("rr")
+    evidence = gather(body, play_twice(body, lambda q, dq: law(q), noise=0.1), 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    assert with_fine_lines(evidence, scores, fitted(evidence, scores, [])) is None
 
 
 @pytest.mark.parametrize(("amplitude", "named"), [(0.5, True), (3.0, False)])

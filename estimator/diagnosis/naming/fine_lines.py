@@ -1,0 +1,91 @@
+"""Lines of a spectrum above the orders at which laws are tried first.
+
+Two a turn of a harmonic drive's wave generator are two hundred a turn of its joint, and a motor's slots pass as often.
+Few of them are there, and to lay them all out beside every other law would cost more than all of these. Where a torque
+has something left, its spectrum over the angle says which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.evidence.conditional import Conditional, groups_of
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.gathered import Evidence
+from estimator.diagnosis.evidence.grams import Block, sheets, sum_up, total
+from estimator.diagnosis.evidence.refinement import Refined
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.evidence.weighted import Weighted
+from estimator.diagnosis.naming.admission import FALSE_ALARM
+from estimator.effects import Scales
+
+Array = NDArray[np.float64]
+
+_MOST = 6
+"""Lines of one law at one joint."""
+
+
+def with_fine_lines(evidence: Evidence, scores: Scores, refined: Refined) -> Evidence | None:
+    """The evidence with candidates at the lines that stand out of what the ``refined`` causes leave, and beside each at
+    its neighbours, between which it may be; None where none does."""
+    design, scales = evidence.design, Scales.of([piece.signals for piece in evidence.pieces], evidence.grid.band)
+    finer: dict[int, list[Candidate]] = {}
+    for number in sorted(_left_over(scores, refined)):
+        law, like = design.hypotheses[number], next(c for c in design.candidates if c.hypothesis == number)
+        if len(thetas := law.effect.finer(law.place, scales)):
+            finer[number] = [replace(like, theta=theta) for theta in thetas]
+    looked = sum(map(len, finer.values()))
+    more = [line for fine in finer.values() for line in _standing_out(evidence, scores, refined, fine, looked)]
+    if not more:
+        return None
+    # Those of the grid stay together: orders as far from each other are made by products.
+    design = design.with_candidates([*design.candidates, *more])
+    made = sheets(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
+    return replace(evidence, design=design, blocks=tuple(sheet.compact() for sheet in made))
+
+
+def _left_over(scores: Scores, refined: Refined) -> set[int]:
+    """Hypotheses in whose channel something is left beyond what the noise is known to; all where it is assumed."""
+    left = refined.model.squares() / scores.total.rows - 1.0
+    return {
+        candidate.hypothesis
+        for candidate in scores.design.candidates
+        if scores.assumed or max(left[list(candidate.channels)]) > scores.noise_error
+    }
+
+
+def _standing_out(
+    evidence: Evidence, scores: Scores, refined: Refined, fine: Sequence[Candidate], looked: int
+) -> Iterator[Candidate]:
+    """Of the ``fine`` lines of one law those that stand out of all of them, with their neighbours; of as many as were
+    ``looked`` at, chance gives none."""
+    chosen = refined.design.candidates
+    wide = evidence.design.with_candidates([*chosen, *fine])
+    lines = np.arange(len(chosen), len(wide.candidates))
+    told = Weighted(wide, _products(evidence, wide), scores.weights)
+    found: list[int] = []
+    while len(found) < _MOST:
+        gains = _gains(wide, told, [*range(len(chosen)), *(len(chosen) + k for k in found)], lines)
+        best = int(np.argmax(gains))
+        # Half of what chance gives a line of two coefficients is below the logarithm of two.
+        level = max(float(np.median(gains)) / np.log(2.0), 1.0)
+        if gains[best] <= level * np.log(looked / FALSE_ALARM):
+            break
+        found.append(best)
+    beside = {k + n for k in found for n in (-1, 0, 1)}
+    yield from (fine[k] for k in sorted(beside) if 0 <= k < len(fine))
+
+
+def _products(evidence: Evidence, design: Design) -> Block:
+    return total(sum_up(design, evidence.pieces, evidence.decimations, evidence.noise))
+
+
+def _gains(design: Design, told: Weighted, chosen: Sequence[int], lines: NDArray[np.intp]) -> Array:
+    """(lines,) nats that each would add to the given model with the chosen candidates."""
+    columns = [design.candidates[k].columns for k in chosen]
+    active = np.concatenate([np.arange(design.given), *columns]).astype(np.intp)
+    return np.asarray(Conditional(told, active).gains(groups_of(design, lines))[lines])
