@@ -42,7 +42,7 @@ PULSES_TELL = (20.0, 100.0)
 """Hz: below, the motion is in the way; beyond, the recorded position falls off, and at 230 Hz nothing is left of it."""
 STIFFNESS = (4.58e6, 7.52e6, 4.10e6)
 """N·m/rad, of the KUKA's axes 1–3."""
-ORDERS = (7, 28, 14, 36, 12)
+ORDERS = (7, 28, 14, 36, 12, 84)
 """A turn, of the ODrive's motor, the strongest first."""
 FRICTION = (
     "coulomb_friction",

@@ -196,3 +196,23 @@ def test_a_weak_line_that_goes_with_a_torque_or_not_is_ambiguous() -> None:
     judgement = judged(Plan(3, 35560, "seven", ("cogging",), size=0.2, scatter=0.05, seconds=60.0), in_process)
     assert judgement.outcomes == ("in a set",), judgement.sentence
     assert not judgement.wrong
+
+
+@pytest.mark.parametrize(("number", "arm"), [(0, "puma600"), (2, "seven")])
+def test_a_harmonic_drive_s_waves_are_a_line_of_their_order(number: int, arm: str) -> None:
+    """Of a hundred a turn and more: the motion has them within the band where it is slow alone."""
+    judgement = judged(Plan(number, 35632, arm, ("cogging:wave_generator",), 1.0, 0.0, 60.0), in_process)
+    assert judgement.outcomes == ("named",), judgement.sentence
+    assert not judgement.wrong
+    assert not judgement.flagged
+    assert max(abs(p.error) / p.truth for p in judgement.parameters) < 0.03
+
+
+def test_one_joint_s_late_encoder_is_that() -> None:
+    """The servo closes its loop over it, and the drive's speeds are differences of its counts."""
+    judgement = judged(Plan(4, 35633, "seven", ("transport_delay:angle",), 1.0, 0.0, 60.0), in_process)
+    assert judgement.outcomes == ("named",), judgement.sentence
+    assert not judgement.wrong
+    assert not judgement.flagged
+    (delay,) = judgement.parameters
+    assert abs(delay.error) < 0.1 * delay.truth

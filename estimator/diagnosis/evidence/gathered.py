@@ -33,6 +33,7 @@ from estimator.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+Ripple = Callable[[Array], Array]
 _LEAST = 1e-9
 """N·m, rad/s: the error of a channel that never shows anything, as the speed of a joint that stands."""
 EXACT = 5e-4
@@ -59,6 +60,9 @@ class Evidence:
     slow: Callable[[], Sequence[Stretch]]
     """The pieces with the slow part of their motion alone; made when they are first asked for."""
     recordings: int
+    unseen_without: Callable[[Ripple], Array]
+    """`unseen` of torques without a ripple (at angles (samples, n), N·m (samples, n)): what recurs above the band is
+    taken for a white error, and ripples may be there."""
     restless: tuple[int, ...] = ()
     """Joints whose friction is another one in each playing of a motion, and goes with nothing that was recorded."""
     tolerance: float | None = None
@@ -104,10 +108,14 @@ def gather(
     rate = min(trajectory.rate for trajectory in trajectories)
     precision = given_precision(given, base, tolerance, grid.channels, rate)
     design = replace(make_design(body, base, grid.channels, hypotheses, scales, precision), reading=reading)
-    unseen = _unseen(grid, pieces, repeated_share(grid.count, repeats))
-    unseen[:, 0] += _played_again(grid, trajectories, repeats)
-    slow = partial(cut, body, grid.slower(), trajectories)
-    found = weighed(design, grid, pieces, slow, unseen, len(trajectories), repeats)
+    rounded = _unseen(grid, pieces, repeated_share(grid.count, repeats))
+
+    def unseen_without(ripple: Ripple) -> Array:
+        again = _played_again(grid, trajectories, repeats, ripple)
+        return np.column_stack([rounded[:, 0] + again, rounded[:, 1:]])
+
+    slow, unseen = partial(cut, body, grid.slower(), trajectories), unseen_without(np.zeros_like)
+    found = weighed(design, grid, pieces, slow, unseen, len(trajectories), repeats, unseen_without)
     return replace(found, tolerance=tolerance) if has_bodies(given) else found
 
 
@@ -119,10 +127,11 @@ def weighed(
     unseen: Array,
     recordings: int,
     repeats: Sequence[RepeatGroup],
+    unseen_without: Callable[[Ripple], Array] | None = None,
 ) -> Evidence:
     """The rows of all pieces beside their noise: by ``repeats`` where there are any, else assumed; ``unseen``
     (channels, ORDER + 1), the autocovariance of errors that recur, is added to either. ``slow`` makes the pieces of
-    `Evidence.slow`.
+    `Evidence.slow`; ``unseen_without`` is that of `Evidence`, where ``unseen`` holds what recurs above the band.
     """
     exact = exactness(pieces)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
@@ -160,8 +169,22 @@ def weighed(
         parts,
         cache(slow),
         recordings,
+        unseen_without or (lambda ripple: unseen),
         restless=drifting.restless,
     )
+
+
+def weighed_again(
+    evidence: Evidence,
+    design: Design,
+    unseen: Array,
+    pieces: Sequence[Stretch],
+    slow: Callable[[], Sequence[Stretch]],
+) -> Evidence:
+    """`weighed` of the same recordings, of laws of another ``design``, beside other errors or along other motions."""
+    own = evidence
+    found = weighed(design, own.grid, pieces, slow, unseen, own.recordings, own.repeats, own.unseen_without)
+    return replace(found, tolerance=own.tolerance, bend=own.bend, late=own.late)
 
 
 def exactness(pieces: Sequence[Stretch]) -> Array:
@@ -180,10 +203,13 @@ def _told_of(given: RigidBody, effect: Effect, place: Place) -> bool:
     return bool(given.prior()[10 * link] > 0.0)
 
 
-def _played_again(grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup]) -> Array:
-    """(channels,) variance of the rows' white error that recurs in all playings."""
+def _played_again(
+    grid: Grid, trajectories: Sequence[Trajectory], repeats: Sequence[RepeatGroup], ripple: Ripple
+) -> Array:
+    """(channels,) variance of the rows' white error that recurs in all playings, of torques without a ripple."""
     rate = min(trajectory.rate for trajectory in trajectories)
-    white = {"torque": repeated_white(trajectories, repeats, [t.tau for t in trajectories], grid.band)}
+    torques = [t.tau - ripple(t.q) for t in trajectories]
+    white = {"torque": repeated_white(trajectories, repeats, torques, grid.band)}
     speeds = [t.dq for t in trajectories if t.dq is not None]
     if len(speeds) == len(trajectories):
         white["velocity"] = repeated_white(trajectories, repeats, speeds, grid.band)

@@ -15,47 +15,79 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.evidence.conditional import Conditional, groups_of
 from estimator.diagnosis.evidence.design import Candidate, Design
-from estimator.diagnosis.evidence.gathered import Evidence
+from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.grams import Block, sheets, sum_up, total
 from estimator.diagnosis.evidence.refinement import Refined
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.evidence.weighted import Weighted
 from estimator.diagnosis.naming.admission import FALSE_ALARM
 from estimator.effects import Scales
+from estimator.effects.waves import quadratures
 
 Array = NDArray[np.float64]
 
 _MOST = 6
 """Lines of one law at one joint."""
+_MUCH = 0.2
+"""Of a channel's noise."""
 
 
 def with_fine_lines(evidence: Evidence, scores: Scores, refined: Refined) -> Evidence | None:
     """The evidence with candidates at the lines that stand out of what the ``refined`` causes leave, and beside each at
-    its neighbours, between which it may be; None where none does."""
-    design, scales = evidence.design, Scales.of([piece.signals for piece in evidence.pieces], evidence.grid.band)
-    finer: dict[int, list[Candidate]] = {}
-    for number in sorted(_left_over(scores, refined)):
-        law, like = design.hypotheses[number], next(c for c in design.candidates if c.hypothesis == number)
-        if len(thetas := law.effect.finer(law.place, scales)):
-            finer[number] = [replace(like, theta=theta) for theta in thetas]
-    looked = sum(map(len, finer.values()))
-    more = [line for fine in finer.values() for line in _standing_out(evidence, scores, refined, fine, looked)]
-    if not more:
+    its neighbours, between which it may be; and, where the coggings among those tell much of what recurs above the
+    band, with the noise that is left of that. None where there is neither."""
+    more = _more_lines(evidence, scores, refined)
+    unseen = _without_coggings(evidence, refined)
+    if not more and unseen is None:
         return None
     # Those of the grid stay together: orders as far from each other are made by products.
-    design = design.with_candidates([*design.candidates, *more])
+    design = evidence.design.with_candidates([*evidence.design.candidates, *more])
+    if unseen is not None:
+        return weighed_again(evidence, design, unseen, evidence.pieces, evidence.slow)
     made = sheets(design, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
     return replace(evidence, design=design, blocks=tuple(sheet.compact() for sheet in made))
 
 
-def _left_over(scores: Scores, refined: Refined) -> set[int]:
-    """Hypotheses in whose channel something is left beyond what the noise is known to; all where it is assumed."""
+def _without_coggings(evidence: Evidence, refined: Refined) -> Array | None:
+    """(channels, ORDER + 1) the errors that recur (`Evidence.unseen`), without what the coggings among the ``refined``
+    causes are of them; None where that changes hardly any channel's noise."""
+    design, known = refined.design, []
+    for k, own in enumerate(design.candidates):
+        law = design.hypotheses[own.hypothesis]
+        if law.effect.name == "cogging" and law.place.joint is not None:
+            known.append((law.place.joint, float(own.theta[0]), refined.coefficients(k)))
+    if not evidence.noise.playings or not known:
+        return None
+
+    def ripple(q: Array) -> Array:
+        torque = np.zeros_like(q)
+        for joint, order, coefficients in known:
+            torque[:, joint] += quadratures(order * q[:, joint]) @ coefficients
+        return torque
+
+    unseen = evidence.unseen.copy()
+    unseen[:, 0] = np.minimum(evidence.unseen_without(ripple)[:, 0], unseen[:, 0])
+    less = evidence.unseen[:, 0] - unseen[:, 0]
+    return unseen if np.any(less > _MUCH * evidence.noise.rms**2) else None
+
+
+def _more_lines(evidence: Evidence, scores: Scores, refined: Refined) -> list[Candidate]:
+    design, scales = evidence.design, Scales.of([piece.signals for piece in evidence.pieces], evidence.grid.band)
+    finer: dict[int, list[Candidate]] = {}
+    for number in sorted(_left_over(evidence, scores, refined)):
+        law, like = design.hypotheses[number], next(c for c in design.candidates if c.hypothesis == number)
+        if len(thetas := law.effect.finer(law.place, scales)):
+            finer[number] = [replace(like, theta=theta) for theta in thetas]
+    looked = sum(map(len, finer.values()))
+    return [line for fine in finer.values() for line in _standing_out(evidence, scores, refined, fine, looked)]
+
+
+def _left_over(evidence: Evidence, scores: Scores, refined: Refined) -> set[int]:
+    """Hypotheses in whose channel something is left beyond what the noise is known to, or of whose noise much is only
+    what recurs above the band; all where it is assumed."""
     left = refined.model.squares() / scores.total.rows - 1.0
-    return {
-        candidate.hypothesis
-        for candidate in scores.design.candidates
-        if scores.assumed or max(left[list(candidate.channels)]) > scores.noise_error
-    }
+    told = (left > scores.noise_error) | (evidence.unseen[:, 0] > _MUCH * evidence.noise.rms**2) | scores.assumed
+    return {c.hypothesis for c in scores.design.candidates if np.any(told[list(c.channels)])}
 
 
 def _standing_out(
@@ -77,7 +109,10 @@ def _standing_out(
             break
         found.append(best)
     beside = {k + n for k in found for n in (-1, 0, 1)}
-    yield from (fine[k] for k in sorted(beside) if 0 <= k < len(fine))
+    known = [c.theta[0] for c in evidence.design.candidates if c.hypothesis == fine[0].hypothesis]
+    yield from (
+        fine[k] for k in sorted(beside) if 0 <= k < len(fine) and not np.any(np.isclose(fine[k].theta[0], known))
+    )
 
 
 def _products(evidence: Evidence, design: Design) -> Block:

@@ -38,6 +38,8 @@ _WITHIN = 1.5
 """Standard errors within which a cause has the shape of things of its name."""
 _FORM_AT_MOST = 0.25
 """Of what is explained at a joint, what a law of a wrong form may leave: half of its torque."""
+_FINER = 3
+"""Times that lines above those of the grid are looked for: found, taken out of the noise, and found beside that."""
 _SHARPER = 2
 """Times that a search is made anew with sharper laws."""
 
@@ -81,7 +83,9 @@ def judge(evidence: Evidence) -> Judged:
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
-    if (other := with_fine_lines(evidence, found.scores, refined)) is not None:
+    for _ in range(_FINER):
+        if (other := with_fine_lines(evidence, found.scores, refined)) is None:
+            break
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_SHARPER):

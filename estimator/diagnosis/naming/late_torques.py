@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.evidence.design import Design, Hypothesis
-from estimator.diagnosis.evidence.gathered import Evidence, weighed
+from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.grams import sheets
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
@@ -58,8 +58,8 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     if not evidence.noise.playings:
         blocks = [one.compact() for one in sheets(design, pieces, evidence.decimations, evidence.noise, evidence.parts)]
         return replace(evidence, design=design, pieces=tuple(pieces), blocks=tuple(blocks), slow=slow, late=late)
-    found = weighed(design, evidence.grid, pieces, slow, evidence.unseen, evidence.recordings, evidence.repeats)
-    return replace(found, tolerance=evidence.tolerance, bend=evidence.bend, late=late)
+    found = weighed_again(evidence, design, evidence.unseen, pieces, slow)
+    return replace(found, late=late)
 
 
 def _of_form(design: Design, hypothesis: int, theta: Array) -> Design:

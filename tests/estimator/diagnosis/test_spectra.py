@@ -16,6 +16,7 @@ from estimator.diagnosis.evidence.refinement import fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.admission import Admission
 from estimator.diagnosis.naming.fine_lines import with_fine_lines
+from estimator.diagnosis.naming.judging import judge
 from estimator.diagnosis.naming.plainer import without_menders
 
 Array = NDArray[np.float64]
@@ -74,6 +75,22 @@ def test_a_line_above_the_orders_that_are_tried_first_is_named(
     for name, true in {"order": order, "amplitude": 0.6, "phase": 0.5}.items():
         told = one.parameters[name]
         assert abs(float(told.value) - true) < 4.0 * float(told.standard_error)
+
+
+def test_what_a_ripple_is_above_the_band_is_no_error(make_chain: Callable[..., RigidBody], play_twice: Play) -> None:
+    """What all playings have in common there is taken for an error that is in the band too, until a line tells it; then
+    what it hid is seen beside it."""
+    body = make_chain("rr")
+
+    def law(q: Array, dq: Array) -> Array:
+        return FIRST * 4.0 * np.sin(100.0 * q[:, [0]]) + np.array([0.2, 0.0]) * dq
+
+    evidence = gather(body, play_twice(body, law, seconds=16.0, noise=0.1), 0.05)
+    judged = judge(evidence)
+    assert judged.evidence.noise.rms[0] < 0.5 * evidence.noise.rms[0]
+    assert [f.effect for f in judged.findings] == ["cogging", "viscous_friction"]
+    assert float(judged.findings[0].parameters["amplitude"].value) == pytest.approx(4.0, rel=0.02)
+    assert float(judged.findings[1].parameters["coefficient"].value) == pytest.approx(0.2, rel=0.1)
 
 
 @pytest.mark.parametrize("law", [lambda q: 0.0 * q, pushes])
