@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -43,6 +44,9 @@ class Backlash(JointEffect):
     exact_to = 0.2
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse {joint} where gravity loads it, and where it does not"
+
+    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+        return {2: (ON_MOTOR, ON_LINK)}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         at_motor = [[gap, share, ON_MOTOR] for gap in GAPS for share in (0.0, *IN_THE_LINK)]

@@ -185,6 +185,10 @@ class Law(ABC):
         """The units of these."""
         return self.units
 
+    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+        """By entry of theta that is `hidden` and a choice, the values that it can have at this place."""
+        return {}
+
     @abstractmethod
     def places(self, body: RigidBody) -> list[Place]:
         """Everywhere in this arm where it can live."""

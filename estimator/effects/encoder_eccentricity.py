@@ -7,6 +7,7 @@ disc; then the two coefficients, by which the true angle is known, of which the 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -37,6 +38,9 @@ class EncoderEccentricity(JointEffect):
 
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))
+
+    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+        return {0: (0.0, 1.0)}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         return np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -48,6 +49,9 @@ class JointElasticity(JointEffect):
     factored = True
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
     experiment = "let {joint} alone swing in a chirp up to its resonance"
+
+    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+        return {3: (ON_MOTOR, ON_LINK)}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         joint = self.joint(place)

@@ -22,11 +22,14 @@ def model() -> None:
 @app.command("show")
 def show(model: ModelArgument, arm: OfArmOption = None, json: JsonOption = None) -> None:
     """Show a model: its effects, its base parameters, and what it was learnt from."""
+    from service.models.model_file import arm_model
     from service.models.store import model_path, named_model
     from service.reports.model_tables import model_report
 
     file = named_model(model)
     require_same_arm(model, file.arm, arm)
+    # What no arm can have is not shown as if it could.
+    arm_model(file)
     answer = {"file": str(model_path(model)), "address": file.address, **file.model_dump(mode="json", exclude={"urdf"})}
     publish(answer, json, *model_report(file))
 

@@ -70,6 +70,12 @@ class EffectEntry(_Section):
     shape: tuple[float, ...] | None = None
     parameter: dict[str, Parameter] = Field(default_factory=dict)
 
+    @property
+    def where(self) -> str:
+        """In words: ``joint1 with joint2``, ``joint1, position``, ``arm``."""
+        joints = " with ".join(name for name in (self.joint, self.joint_other) if name)
+        return ", ".join(filter(None, (joints, self.channel))) or "arm"
+
 
 class LearntFrom(_Section):
     path: str
@@ -259,6 +265,12 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     if entry.shape is not None and len(entry.shape) != len(found.hidden):
         told = f"has a shape of {len(entry.shape)} numbers"
         raise InputError(f"effect {entry.name}", told, f"give {len(found.hidden)}, or none for a sharp one")
+    if place not in found.places(body):
+        raise InputError(f"effect {entry.name}", f"is none of {entry.where}", "name a joint and a channel that it has")
+    for value, k in zip(entry.shape or (), found.hidden, strict=False):
+        if value not in (allowed := found.told_apart(place).get(k, (value,))):
+            told = f"has the shape {value:g} at {entry.where}"
+            raise InputError(f"effect {entry.name}", told, f"it is one of {', '.join(f'{x:g}' for x in allowed)}")
     shape = None if entry.shape is None else np.array(entry.shape)
     return FittedEffect(entry.name, place, parameters, errors, shape)
 

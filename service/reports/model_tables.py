@@ -23,7 +23,7 @@ def model_report(file: ModelFile) -> list[RenderableType]:
     if file.effect:
         table = Table("effect", "where", "parameters", box=None)
         for entry in file.effect:
-            table.add_row(entry.name, _where(entry), parameters_text(entry.parameter))
+            table.add_row(entry.name, entry.where, parameters_text(entry.parameter))
         lines.append(table)
     else:
         lines.append("no effects beside the rigid bodies")
@@ -48,7 +48,7 @@ def difference_report(difference: Mapping[str, Any]) -> list[RenderableType]:
     for sign, entries in (("+", effects["added"]), ("-", effects["removed"])):
         for row in entries:
             entry = EffectEntry.model_validate(row)
-            table.add_row(sign, entry.name, _where(entry), parameters_text(entry.parameter))
+            table.add_row(sign, entry.name, entry.where, parameters_text(entry.parameter))
     for row in effects["changed"]:
         before, after = (_parameter(row[key]) for key in ("before", "after"))
         far = row["standard_errors"]
@@ -81,8 +81,3 @@ def _text(parameter: Parameter) -> str:
     shown = [f"{v:.4g}" + (f" ± {e:.2g}" if np.isfinite(e) else "") for v, e in zip(values, errors, strict=True)]
     text = shown[0] if len(shown) == 1 else f"({', '.join(shown)})"
     return f"{text} {parameter.unit}".replace(" –", "")
-
-
-def _where(entry: EffectEntry) -> str:
-    joints = " with ".join(name for name in (entry.joint, entry.joint_other) if name)
-    return joints or entry.channel or "arm"

@@ -105,6 +105,7 @@ EXTENDED = [
     FittedEffect("payload", Place(), {"mass": 2.0, "centre": np.array([0.1, 0.0, 0.2])},
                  {"mass": 0.1, "centre": np.array([0.01, 0.01, 0.02])}),
     FittedEffect("transport_delay", Place(channel="torque"), {"delay": 0.004}),
+    FittedEffect("transport_delay", Place(2, channel="position"), {"delay": 0.002}, {}, np.array([3.0])),
     FittedEffect("contact", Place(), {"where": np.array([0.1, 0.0, 0.0]), "force": np.array([-9.0, 0.0, 0.0])}),
 ]  # fmt: skip
 
@@ -137,6 +138,9 @@ def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: Mod
         ("parameter.mass", "parameter.weight", "no 'weight'"),
         ("joint3 = [", "joint3 = [1.0, ", "ten numbers"),
         ("shape = [0.05]", "shape = [0.05, 1.0]", "shape of 2 numbers"),
+        ('channel = "torque"', 'channel = "temperature"', "none of temperature"),
+        ('channel = "position"', 'channel = "velocity"', "none of joint3, velocity"),
+        ("shape = [3.0]", "shape = [1.0]", "the shape 1 at joint3, position.*one of 0, 3"),
         ("parameter.breakaway", "parameter.level", "TOML"),
         ('parameter.delay = { "value" = 0.004, "unit" = "s" }', "", "lacks 'delay'"),
         ('"value" = [0.1, 0.0, 0.2]', '"value" = [0.1, 0.2]', "not as many numbers"),

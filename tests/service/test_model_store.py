@@ -68,6 +68,18 @@ def test_show_tells_the_effects(kept: list[ModelFile], capsys: pytest.CaptureFix
     assert answer["parent"] == kept[0].address
 
 
+def test_show_tells_where_an_effect_is_and_refuses_what_no_arm_has(
+    kept: list[ModelFile], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    late = FittedEffect("transport_delay", Place(1, channel="position"), {"delay": 0.004})
+    path = keep_model(model_file("dda", ArmModel(load_rigid_body(URDF), (late,)), "named", [], version=3))
+    assert run(["model", "show", str(path)]) == outcomes.DONE
+    assert "joint2, position" in capsys.readouterr().out
+    (other := tmp_path / "other.toml").write_text(path.read_text().replace('"position"', '"colour"'))
+    assert run(["model", "show", str(other)]) == outcomes.BAD_INPUT
+    assert "is none of joint2, colour" in " ".join(capsys.readouterr().err.split())
+
+
 def test_diff_tells_what_changed(kept: list[ModelFile], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", "diff", "dda@1", "dda@2", "--json", "-"]) == outcomes.DONE
     answer = json.loads(capsys.readouterr().out)
