@@ -45,7 +45,7 @@ class Backlash(JointEffect):
     confused_with = ("presliding", "joint_elasticity")
     experiment = "reverse {joint} where gravity loads it, and where it does not"
 
-    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+    def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
         return {2: (ON_MOTOR, ON_LINK)}
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -185,7 +185,7 @@ class Law(ABC):
         """The units of these."""
         return self.units
 
-    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+    def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
         """By entry of theta that is `hidden` and a choice, the values that it can have at this place."""
         return {}
 

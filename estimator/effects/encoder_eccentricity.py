@@ -39,7 +39,7 @@ class EncoderEccentricity(JointEffect):
     def rows(self, body: RigidBody, place: Place) -> tuple[int, ...]:
         return tuple(range(body.n))
 
-    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+    def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
         return {0: (0.0, 1.0)}
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -50,7 +50,7 @@ class JointElasticity(JointEffect):
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
     experiment = "let {joint} alone swing in a chirp up to its resonance"
 
-    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+    def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
         return {3: (ON_MOTOR, ON_LINK)}
 
     def grid(self, place: Place, scales: Scales) -> Array:

@@ -42,6 +42,7 @@ class Lateness:
 
     @property
     def is_any(self) -> bool:
+        """Whether anything is late."""
         return bool(self.delay.any() or self.angles.any() or self.lag)
 
     def differs_from(self, other: Lateness | None) -> bool:

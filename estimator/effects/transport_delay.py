@@ -79,14 +79,14 @@ class TransportDelay(Effect):
             return 0
         return -1 if place.channel == "position" else 1
 
-    def told_apart(self, place: Place) -> Mapping[int, tuple[float, ...]]:
+    def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
         if _of_an_angle(place):
             return {1: (LATE, SPEED_IN_TIME)}
         return {1: (LATE, *(_FILTERS if place == Place(channel="torque") else ()))}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         delays = OF_AN_ANGLE if _of_an_angle(place) else DELAYS
-        return np.array([[delay, cause] for cause in self.told_apart(place)[1] for delay in delays])
+        return np.array([[delay, cause] for cause in self.choices_at(place)[1] for delay in delays])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         delay, cause = map(float, theta)

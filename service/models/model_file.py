@@ -268,7 +268,7 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     if place not in found.places(body):
         raise InputError(f"effect {entry.name}", f"is none of {entry.where}", "name a joint and a channel that it has")
     for value, k in zip(entry.shape or (), found.hidden, strict=False):
-        if value not in (allowed := found.told_apart(place).get(k, (value,))):
+        if value not in (allowed := found.choices_at(place).get(k, (value,))):
             told = f"has the shape {value:g} at {entry.where}"
             raise InputError(f"effect {entry.name}", told, f"it is one of {', '.join(f'{x:g}' for x in allowed)}")
     shape = None if entry.shape is None else np.array(entry.shape)
