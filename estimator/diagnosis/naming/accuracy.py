@@ -36,7 +36,8 @@ _FINELY = np.geomspace(1.0, TIGHTER[-1], 18)
 """Of the tolerance, among which each answer has the one that suits it best."""
 _MARGIN = -float(np.log(FALSE_ALARM))
 """nats by which an answer with another cause under a tighter tolerance must be better supported, where that is all but
-none; twice that under any other, since no tolerance is the law by which links are off; and so for each such cause."""
+none; twice that under any other, since no tolerance is the law by which links are off, and where the noise is assumed,
+so that nats are known roughly; and so for each such cause."""
 _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
@@ -130,7 +131,8 @@ def other_errors(evidence: Evidence) -> tuple[Exchange, ...]:
 
 
 def _margin(tried: Searched, best: Searched, share: float) -> float:
-    return len(tried.hypotheses - best.hypotheses) * (_MARGIN if share <= _EXACT else 2.0 * _MARGIN)
+    surely = share <= _EXACT and not tried.scores.assumed
+    return len(tried.hypotheses - best.hypotheses) * (_MARGIN if surely else 2.0 * _MARGIN)
 
 
 def _believable(tried: Searched, first: Searched, share: float) -> bool:
