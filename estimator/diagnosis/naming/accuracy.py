@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from estimator.diagnosis.evidence.conditional import within_limits
 from estimator.diagnosis.evidence.design import Design
@@ -42,8 +43,8 @@ _HOPELESS = 50.0
 """nats behind the best, at which no tighter tolerance is tried."""
 _EXACT = 0.03
 """Of the tolerance: links that are off by no more."""
-_BEYOND = 8.0
-"""nats that a link's change costs the given tolerance: four of its standard deviations."""
+_BEYOND = float(chi2.sf(16.0, 1))
+"""Probability that is left to links within their tolerance where one is named: that of four standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -140,11 +141,22 @@ def _believable(tried: Searched, first: Searched, share: float) -> bool:
     tolerance is what the tolerance says, even if all others are better. Where those are exact, a load may be one, and a
     link that is off by far more than its tolerance."""
     new, wide = tried.effects - first.effects, first.widest
-    if share <= _EXACT:
-        links = [k for k in tried.chosen if first.scores.hypothesis(k).effect.name == "link_inertia"]
-        beyond = [wide.nats(tried.chosen) - wide.nats([c for c in tried.chosen if c != k]) for k in links]
-        return "link_inertia" not in new or min(beyond) >= _BEYOND
-    return new.isdisjoint(("link_inertia", "payload"))
+    if share > _EXACT:
+        return new.isdisjoint(("link_inertia", "payload"))
+    links = [k for k in tried.chosen if wide.hypothesis(k).effect.name == "link_inertia"]
+    return "link_inertia" not in new or all(_beyond_tolerance(wide, k, tried.chosen) for k in links)
+
+
+def _beyond_tolerance(wide: Scores, link: int, chosen: Sequence[int]) -> bool:
+    """Whether a link's change costs the given tolerance more than chance does."""
+    gain = wide.nats(chosen) - wide.nats([k for k in chosen if k != link])
+    return gain >= nats_by_chance(wide.size(link), wide.design.body.n)
+
+
+def nats_by_chance(unknowns: int, links: int) -> float:
+    """nats that a change of so many unknowns hardly ever gains, of the one of so many links that gains most by it,
+    where all are within their tolerance: half a chi-square of as many degrees of freedom (Wilks 1938)."""
+    return 0.5 * float(chi2.isf(_BEYOND / links, max(1, unknowns)))
 
 
 def _precise(design: Design, tolerance: float) -> Array:

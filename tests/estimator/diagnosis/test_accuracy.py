@@ -12,6 +12,7 @@ from config import load_installation
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.naming.accuracy import nats_by_chance
 from estimator.diagnosis.observed.tolerance import base_precision
 from estimator.diagnosis.telling.answer import Diagnosis
 
@@ -92,6 +93,16 @@ def test_a_link_that_is_heavier_by_far_is_named(
 def test_a_link_that_is_heavier_within_its_tolerance_is_no_cause(diagnosed: Diagnoser, link: int) -> None:
     """Even if all others are exact."""
     assert diagnosed(0.0, 0, heavier={link: 0.06}).verdict == "clean"
+
+
+def test_a_link_of_more_unknowns_gains_more_by_chance() -> None:
+    """Half a chi-square: its table has 16 for four standard deviations of one unknown, and 36.8 for ten at 6.3e-5."""
+    assert nats_by_chance(1, 1) == pytest.approx(8.0)
+    assert nats_by_chance(10, 1) == pytest.approx(18.4, abs=0.05)
+    assert nats_by_chance(10, 6) > nats_by_chance(10, 1) + 2.0
+    rng = np.random.default_rng(5)
+    worst = 0.5 * (rng.normal(size=(20_000, 6, 10)) ** 2).sum(axis=2).max(axis=1)
+    assert np.count_nonzero(worst > nats_by_chance(10, 6)) <= 6 < np.count_nonzero(worst > nats_by_chance(10, 6) - 4.0)
 
 
 def test_exact_links_leave_less_unseen(diagnosed: Diagnoser) -> None:
