@@ -42,6 +42,31 @@ def viscous(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     )
 
 
+def degressive(arm: TrueArm, joint: str, rng: Generator) -> Cause:
+    """Grease that thins as it is sheared: a power of the speed, beside the gear's dry friction."""
+    at_top, dry = limit_nm(arm, joint), float(rng.uniform(0.2, 0.6))
+    exponent = float(rng.uniform(0.5, 0.75))
+    scale = float(top_speed(arm, joint) ** exponent)
+    return Cause(
+        "viscous_friction:degressive",
+        named("viscous_friction", joint),
+        lambda a: {
+            "friction": [
+                {
+                    "joint": joint,
+                    "level_nm": dry * a,
+                    "viscous_nms_rad": a / scale,
+                    "viscous_exponent": exponent,
+                    "presliding_rad": 5e-5,
+                }
+            ]
+        },
+        at_top,
+        10 * at_top,
+        excused=named("coulomb_friction", joint) | named("presliding", joint),
+    )
+
+
 def coulomb(arm: TrueArm, joint: str, rng: Generator) -> Cause:
     give = float(10.0 ** rng.uniform(-4.7, -3.7))
     return Cause(
@@ -162,3 +187,4 @@ FRICTION: dict[str, Draw] = {
     "presliding": presliding,
     "friction_drift": drifting,
 }
+DEGRESSIVE: dict[str, Draw] = {"viscous_friction:degressive": degressive}

@@ -12,13 +12,13 @@ from numpy.random import Generator
 from benchmarks.campaign.arms import ARMS
 from benchmarks.campaign.body_causes import BODIES
 from benchmarks.campaign.cause import Draw
-from benchmarks.campaign.friction_causes import FRICTION
+from benchmarks.campaign.friction_causes import DEGRESSIVE, FRICTION
 from benchmarks.campaign.outside_causes import OUTSIDE
 from benchmarks.campaign.sensor_causes import LATE_ANGLES, SENSORS
 from benchmarks.campaign.transmission_causes import FINE_LINES, TRANSMISSION
 
 CATALOGUE: dict[str, Draw] = {**FRICTION, **TRANSMISSION, **SENSORS, **BODIES}
-ASKED_FOR: dict[str, Draw] = {**FINE_LINES, **LATE_ANGLES}
+ASKED_FOR: dict[str, Draw] = {**DEGRESSIVE, **FINE_LINES, **LATE_ANGLES}
 """Drawn where they are asked for alone."""
 ALL = {**CATALOGUE, **OUTSIDE, **ASKED_FOR}
 SCATTER = (0.0, 0.02, 0.05)

@@ -1,4 +1,4 @@
-"""Viscous friction: b·dq."""
+"""Viscous friction: b·dq, or less than that the faster a joint moves."""
 
 from __future__ import annotations
 
@@ -13,30 +13,71 @@ from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
+STRAIGHT, BENT = 0.0, 1.0
+"""Forms: as fast as the joint moves, and falling behind that."""
+PLAIN = 1.0
+"""The sharpness of a bend, where none is given."""
+SHAPES = ((0.1, PLAIN), (0.7, PLAIN), (3.0, PLAIN), (0.7, 0.4), (0.7, 3.0))
+"""To try: a bend, per joint's rms speed, and its sharpness."""
+
 
 class ViscousFriction(JointEffect):
+    """b·dq, or bent: b·dq/(1 + (β·|dq|)^γ)^(1/γ). Grease is thinner the faster it is sheared: a gear's friction falls
+    behind what its slope at rest promises from a speed of about 1/β on, and is never more than b/β. (Waiboer, Aarts and
+    Jonker, ECCOMAS Multibody Dynamics 2005, have a power of the speed.)
+
+    theta is the form, β and γ. Beside a dry friction it is within two hundredths of powers of the speed, arcs of a
+    tangent and polynomials.
+    """
+
     name = "viscous_friction"
     momentary = True
     in_drive = True
-    units: ClassVar = {"coefficient": "N·m·s/rad"}
+    choices = (0,)
+    forms = (2,)
+    units: ClassVar = {"coefficient": "N·m·s/rad", "bend": "s/rad", "sharpness": "–"}
     confused_with = ("coulomb_friction", "stribeck_friction")
     seen_against = "dq"
     experiment = "move {joint} at six or more constant speeds, both ways"
 
+    def grid(self, place: Place, scales: Scales) -> Array:
+        speed = float(scales.dq[self.joint(place)])
+        shapes = SHAPES if speed > 0.0 else ()
+        return np.array([[STRAIGHT, 0.0, PLAIN], *([BENT, bend / speed, sharpness] for bend, sharpness in shapes)])
+
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        return signals.dq[:, [self.joint(place)], None]
+        dq = signals.dq[:, [self.joint(place)]]
+        return (bent(dq, float(theta[1]), float(theta[2])) if _is_bent(theta) else dq)[:, :, None]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        return {"coefficient": float(coefficients[0])}
+        told = [float(coefficients[0]), *map(float, theta[1:])]
+        return dict(zip(self.units, told if _is_bent(theta) else told[:1], strict=False))
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
-        return np.zeros(0), np.array([parameters["coefficient"]], dtype=float)
+        bend, sharpness = parameters.get("bend", 0.0), parameters.get("sharpness", PLAIN)
+        theta = np.array([BENT if "bend" in parameters else STRAIGHT, bend, sharpness], dtype=float)
+        return theta, np.array([parameters["coefficient"]], dtype=float)
 
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
-        plant.viscous[self.joint(place)] += parameters["coefficient"]
+        joint, (theta, coefficients) = self.joint(place), self.unknowns(place, parameters)
+        (form, bend, sharpness), coefficient = map(float, theta), float(coefficients[0])
+        if form == STRAIGHT:
+            plant.viscous[joint] += coefficient
+        else:
+            plant.rubbing.append((joint, lambda at: coefficient * abs(float(bent(np.array(at.dq), bend, sharpness)))))
+
+
+def bent(dq: Array, bend: float, sharpness: float) -> Array:
+    """rad/s; the speed ``dq`` (rad/s) itself where it is small, and never more than one over the ``bend`` (s/rad)."""
+    return np.asarray(dq / (1.0 + (bend * np.abs(dq)) ** sharpness) ** (1.0 / sharpness))
+
+
+def _is_bent(theta: Array) -> bool:
+    """What lies between the forms, as when an error is propagated, is the nearer one."""
+    return bool(theta[0] > 0.5 * (STRAIGHT + BENT))
 
 
 EFFECT = ViscousFriction()

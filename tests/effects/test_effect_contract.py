@@ -17,7 +17,7 @@ from estimator.twin.plant import Instant, PlantDraft
 Array = NDArray[np.float64]
 
 PARAMETERS_OF = {
-    "viscous_friction": {"coefficient"},
+    "viscous_friction": {"coefficient", "bend", "sharpness"},
     "coulomb_friction": {"level"},
     "asymmetric_friction": {"level_positive", "level_negative", "coefficient_positive", "coefficient_negative"},
     "stribeck_friction": {"level", "breakaway", "velocity", "coefficient", "exponent"},

@@ -45,6 +45,7 @@ class Case:
 ASYMMETRIC = {"level_positive": 5.0, "level_negative": 2.0, "coefficient_positive": 1.0, "coefficient_negative": 3.0}
 CASES = [
     Case("viscous_friction", JOINT, {"coefficient": 5.0}),
+    Case("viscous_friction", JOINT, {"coefficient": 9.0, "bend": 1.5, "sharpness": 0.7}),
     Case("coulomb_friction", JOINT, {"level": 5.0}),
     Case("asymmetric_friction", JOINT, ASYMMETRIC),
     Case(

@@ -1,11 +1,12 @@
 """Friction of a joint: LuGre bristles whose level depends on direction, speed, load, warmth, time and place.
 
-    F   = σ0·z + σ1·ż + b(dq)·dq + d·|dq|·dq
+    F   = σ0·z + σ1·ż + b(dq)·|dq|^n·sign(dq) + d·|dq|·dq
     ż   = dq − σ0·|dq|/g·z
     g   = m(q, t, T, load)·[c± + (s± − c±)·exp(−|dq/v_s|^δ)] + μ·|transmitted torque|
 
 (Canudas de Wit, Olsson, Åström, Lischinsky 1995). m holds running-in, warmth and rough places. F is the torque that
-the motor spends. Stuck, it is a spring of stiffness σ0; sliding steadily, ż = 0 and F = g·sign(dq) + b·dq.
+the motor spends. Stuck, it is a spring of stiffness σ0; sliding steadily, ż = 0, and F is g and the viscous friction
+against the motion. n is one of oil, and less of grease, which thins as it is sheared (Ostwald, de Waele).
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from config.schema import Name, Positive, Section
 from virtual_hw.hidden.quantities import NotNegative
 
 BRISTLE_RELAXATION_S = 2e-3
+CREEPING_RAD_S = 1e-3
+"""Below, a power of the speed goes on straight to nothing."""
 
 
 class RoughPlace(Section):
@@ -49,6 +52,8 @@ class Friction(Section):
     stribeck_exponent: Annotated[float, Field(ge=0.5, le=2)] = 2.0
     viscous_nms_rad: NotNegative = 0.0
     viscous_negative_nms_rad: NotNegative | None = None
+    viscous_exponent: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """n: viscous friction is ``viscous_nms_rad`` N·m at 1 rad/s, and goes with this power of the speed."""
     drag_nms2_rad2: NotNegative = 0.0
     """Drag of the air or the churned grease, d·|dq|·dq."""
     presliding_rad: Positive = 2e-4
@@ -95,6 +100,7 @@ class BristleFriction:
         "_stiffness",
         "_stribeck",
         "_stribeck_velocity",
+        "_viscous_falls",
         "_viscous_minus",
         "_viscous_per_kelvin",
         "_viscous_plus",
@@ -113,6 +119,7 @@ class BristleFriction:
         self._viscous_minus = (
             law.viscous_nms_rad if law.viscous_negative_nms_rad is None else law.viscous_negative_nms_rad
         )
+        self._viscous_falls = law.viscous_exponent - 1.0
         self._drag = law.drag_nms2_rad2
         # Load-dependent friction alone still needs bristles: stiff ones for a level of 1 N·m.
         bristles = law.level_nm if law.level_nm > 0 or law.load_coefficient == 0 else 1.0
@@ -165,6 +172,8 @@ class BristleFriction:
             viscous *= max(0.0, 1.0 + self._viscous_per_kelvin * kelvin)
         if self._load:
             level += self._load * (transmitted if transmitted > 0.0 else -transmitted)
+        if self._viscous_falls:
+            viscous *= max(speed, CREEPING_RAD_S) ** self._viscous_falls
         # Viscous friction and drag act at the mean of the step's two speeds.
         smooth = 0.5 * (viscous + self._drag * speed)
         if level > 0.0 and self._stiffness > 0.0:

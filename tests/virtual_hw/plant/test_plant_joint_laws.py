@@ -92,6 +92,13 @@ def test_coulomb_and_viscous_friction(make_pendulum, speed):
     assert drag_torque_at(make_pendulum, law, speed) == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("speed", [-2.0, -0.3, 0.05, 0.3, 2.0])
+def test_viscous_friction_of_a_power_law_fluid(make_pendulum, speed):
+    law = friction("level_nm = 0.0\nviscous_nms_rad = 0.4\nviscous_exponent = 0.6")
+    expected = 0.4 * math.copysign(abs(speed) ** 0.6, speed)
+    assert drag_torque_at(make_pendulum, law, speed) == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("speed", [0.02, 0.05, 0.1, 0.5])
 def test_stribeck_curve(make_pendulum, speed):
     law = friction(
