@@ -138,6 +138,10 @@ class Law(ABC):
         """Whether only a motion that is played again tells it, at this shape, from what it contains."""
         return False
 
+    def plain(self, theta: Array) -> bool:
+        """Whether it is, at this shape, the law that wider ones contain (`contains`)."""
+        return True
+
     def usual(self, theta: Array) -> bool:
         """Whether it has its `typical` coefficients at this shape."""
         return bool(self.typical)

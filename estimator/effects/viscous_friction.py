@@ -48,6 +48,9 @@ class ViscousFriction(JointEffect):
         bends = [[BENT, bend / speed, sharpness, speed] for bend, sharpness in SHAPES] if speed > 0.0 else []
         return np.array([[STRAIGHT, 0.0, PLAIN, REST], *bends])
 
+    def plain(self, theta: Array) -> bool:
+        return not _is_bent(theta)
+
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
         dq = signals.dq[:, [self.joint(place)]]
         if _is_bent(theta):

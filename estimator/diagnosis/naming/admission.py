@@ -137,7 +137,8 @@ class Admission:
     def contained(self, candidate: int, chosen: int) -> bool:
         """Whether a candidate is a special case of what was chosen there: it could only mend that one's shape."""
         own, other = (self.scores.hypothesis(k) for k in (candidate, chosen))
-        return own.place == other.place and own.effect.name in other.effect.contains
+        within = own.place == other.place and own.effect.name in other.effect.contains
+        return within and own.effect.plain(self.design.candidates[candidate].theta)
 
     def read_otherwise(self, candidate: int, chosen: Sequence[int]) -> bool:
         """Whether a candidate stands for an offset that was read with the drives off: a spring whose centre is far
