@@ -19,7 +19,7 @@ PLAIN = 1.0
 """The sharpness of a bend, where none is given."""
 REST = 0.0
 """The speed at which the coefficient of a model is told."""
-SHAPES = ((0.1, PLAIN), (0.7, PLAIN), (3.0, PLAIN), (0.7, 0.4), (0.7, 3.0))
+SHAPES = ((0.15, PLAIN), (1.2, PLAIN), (0.4, 0.6), (2.0, 0.4), (0.4, 1.7), (3.0, 1.7), (0.7, 3.0))
 """To try: a bend, per joint's rms speed, and its sharpness."""
 
 
