@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.diagnosis.evidence.forms import beside_forms
 from estimator.diagnosis.evidence.gathered import Evidence
@@ -30,6 +31,8 @@ from estimator.diagnosis.naming.slow_forms import beside_two_lines, of_one_form,
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, VISIBLE
 from estimator.diagnosis.telling.answer import Finding
 from estimator.diagnosis.telling.quantities import quantities
+
+Array = NDArray[np.float64]
 
 _NOTHING = 3.0
 """Standard errors by which a cause must differ from nothing once its shape was refined, and is free: a wall that may be
@@ -184,14 +187,24 @@ def _explaining(scores: Scores, widest: Scores, chosen: list[int]) -> list[int]:
     for channel, misfit in misfits(widest, beside_forms(widest, chosen)).items():
         if misfit.told:
             left[channel] = max(left[channel], misfit.variance)
-    result = []
-    for candidate in chosen:
-        channels = list(scores.design.candidates[candidate].channels)
-        own = [k for k in chosen if scores.owner[k] == scores.owner[candidate]]
-        explained = scores.explained(own, [k for k in chosen if k not in own])
-        if np.any(explained[channels] > left[channels]):
-            result.append(candidate)
+    result = list(chosen)
+    while result:
+        more = {k: _more_than(left, scores, k, result) for k in result}
+        least = min(more, key=lambda k: more[k])
+        if more[least] > 0.0:
+            break
+        # One after the other: what two of a place explain together is what neither explains beside the other.
+        result = [k for k in result if scores.owner[k] != scores.owner[least]]
     return result
+
+
+def _more_than(left: Array, scores: Scores, candidate: int, chosen: Sequence[int]) -> float:
+    """By how much of the noise's variance all recurrences of a cause explain more than what is ``left`` (channels,),
+    where they do it best."""
+    channels = list(scores.design.candidates[candidate].channels)
+    own = [k for k in chosen if scores.owner[k] == scores.owner[candidate]]
+    explained = scores.explained(own, [k for k in chosen if k not in own])
+    return float(np.max(explained[channels] - left[channels]))
 
 
 def _refined(evidence: Evidence, scores: Scores, chosen: Sequence[int]) -> tuple[list[int], Refined]:
