@@ -210,8 +210,7 @@ class Law(ABC):
         return NO_THETA
 
     def finer(self, place: Place, scales: Scales) -> Array:
-        """(k, p) more of one that `recurs`, of which few are likely: tried by themselves, where torques are left that
-        those of the grid do not explain."""
+        """(k, p) more that few arms have: tried where torques are left that those of the grid do not explain."""
         return NO_THETA[:0]
 
     def around(self, place: Place, scales: Scales, theta: Array, share: float) -> Array:

@@ -37,16 +37,19 @@ class ViscousFriction(JointEffect):
     momentary = True
     in_drive = True
     choices = (0, 3)
-    forms = (2,)
     units: ClassVar = {"coefficient": "N·m·s/rad", "bend": "s/rad", "sharpness": "–"}
     confused_with = ("coulomb_friction", "stribeck_friction")
     seen_against = "dq"
     experiment = "move {joint} at six or more constant speeds, both ways"
 
     def grid(self, place: Place, scales: Scales) -> Array:
+        return np.array([[STRAIGHT, 0.0, PLAIN, REST]])
+
+    def finer(self, place: Place, scales: Scales) -> Array:
         speed = float(scales.dq[self.joint(place)])
-        bends = [[BENT, bend / speed, sharpness, speed] for bend, sharpness in SHAPES] if speed > 0.0 else []
-        return np.array([[STRAIGHT, 0.0, PLAIN, REST], *bends])
+        if speed <= 0.0:
+            return np.zeros((0, 4))
+        return np.array([[BENT, bend / speed, sharpness, speed] for bend, sharpness in SHAPES])
 
     def plain(self, theta: Array) -> bool:
         return not _is_bent(theta)

@@ -76,7 +76,7 @@ def _more_lines(evidence: Evidence, scores: Scores, refined: Refined) -> list[Ca
     finer: dict[int, list[Candidate]] = {}
     for number in sorted(_left_over(evidence, scores, refined)):
         law, like = design.hypotheses[number], next(c for c in design.candidates if c.hypothesis == number)
-        if len(thetas := law.effect.finer(law.place, scales)):
+        if law.effect.recurs and len(thetas := law.effect.finer(law.place, scales)):
             finer[number] = [replace(like, theta=theta) for theta in thetas]
     looked = sum(map(len, finer.values()))
     return [line for fine in finer.values() for line in _standing_out(evidence, scores, refined, fine, looked)]
@@ -98,10 +98,10 @@ def _standing_out(
     chosen = refined.design.candidates
     wide = evidence.design.with_candidates([*chosen, *fine])
     lines = np.arange(len(chosen), len(wide.candidates))
-    told = Weighted(wide, _products(evidence, wide), scores.weights)
+    told = Weighted(wide, products(evidence, wide), scores.weights)
     found: list[int] = []
     while len(found) < _MOST:
-        gains = _gains(wide, told, [*range(len(chosen)), *(len(chosen) + k for k in found)], lines)
+        gains = gains_beside(wide, told, [*range(len(chosen)), *(len(chosen) + k for k in found)], lines)
         best = int(np.argmax(gains))
         # Half of what chance gives a line of two coefficients is below the logarithm of two.
         level = max(float(np.median(gains)) / np.log(2.0), 1.0)
@@ -115,11 +115,11 @@ def _standing_out(
     )
 
 
-def _products(evidence: Evidence, design: Design) -> Block:
+def products(evidence: Evidence, design: Design) -> Block:
     return total(sum_up(design, evidence.pieces, evidence.decimations, evidence.noise))
 
 
-def _gains(design: Design, told: Weighted, chosen: Sequence[int], lines: NDArray[np.intp]) -> Array:
+def gains_beside(design: Design, told: Weighted, chosen: Sequence[int], lines: NDArray[np.intp]) -> Array:
     """(lines,) nats that each would add to the given model with the chosen candidates."""
     columns = [design.candidates[k].columns for k in chosen]
     active = np.concatenate([np.arange(design.given), *columns]).astype(np.intp)

@@ -16,6 +16,7 @@ from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.accuracy import Searched, searched
 from estimator.diagnosis.naming.bent_links import with_bent_links
 from estimator.diagnosis.naming.causes import Cause
+from estimator.diagnosis.naming.falling_behind import with_bent_frictions
 from estimator.diagnosis.naming.findings import finding
 from estimator.diagnosis.naming.fine_lines import with_fine_lines
 from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_joint_or_arm
@@ -75,7 +76,8 @@ class Judged:
 
 def judge(evidence: Evidence) -> Judged:
     """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave;
-    where their laws go with torques that the given links do not have, with those that were fitted; where torques are
+    where their laws go with torques that the given links do not have, with those that were fitted; where frictions
+    leave what falls behind the speed, and torques what recurs with the angle, with laws of these; where torques are
     late, with the motion that they answer to; and where their shapes on the grid are not sharp enough, with those that
     fit best."""
     found = searched(evidence)
@@ -84,6 +86,9 @@ def judge(evidence: Evidence) -> Judged:
         found = searched(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
+        evidence, found = other, searched(other)
+        stood, refined = _standing(found)
+    if (other := with_bent_frictions(evidence, found.scores, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     for _ in range(_FINER):
