@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.evidence.design import Candidate, Hypothesis
-from estimator.diagnosis.evidence.gathered import Evidence
-from estimator.diagnosis.evidence.grams import sheets
+from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.refinement import Refined
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.evidence.weighted import Weighted
@@ -41,8 +40,8 @@ def with_bent_frictions(evidence: Evidence, scores: Scores, refined: Refined) ->
     if not more:
         return None
     wide = design.with_candidates([*design.candidates, *more])
-    made = sheets(wide, evidence.pieces, evidence.decimations, evidence.noise, evidence.parts)
-    return replace(evidence, design=wide, blocks=tuple(sheet.compact() for sheet in made))
+    # How playings differ tells the noise, once what a friction makes of other motions is known.
+    return weighed_again(evidence, wide, evidence.unseen, evidence.pieces, evidence.slow)
 
 
 def _to_try(evidence: Evidence, refined: Refined) -> Iterator[tuple[int, list[Candidate]]]:

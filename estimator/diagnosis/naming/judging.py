@@ -80,16 +80,13 @@ def judge(evidence: Evidence) -> Judged:
     leave what falls behind the speed, and torques what recurs with the angle, with laws of these; where torques are
     late, with the motion that they answer to; and where their shapes on the grid are not sharp enough, with those that
     fit best."""
-    found = searched(evidence)
-    if not evidence.noise.playings:
-        evidence = by_what_is_left(evidence, found.scores, found.chosen)
-        found = searched(evidence)
+    evidence, found = _under_its_noise(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     if (other := with_bent_frictions(evidence, found.scores, refined)) is not None:
-        evidence, found = other, searched(other)
+        evidence, found = _under_its_noise(other)
         stood, refined = _standing(found)
     for _ in range(_FINER):
         if (other := with_fine_lines(evidence, found.scores, refined)) is None:
@@ -134,6 +131,15 @@ def judge(evidence: Evidence) -> Judged:
         named=named.only([number for number, is_known in enumerate(known) if is_known]),
         instead=tuple(_instead(scores, stood, seen)),
     )
+
+
+def _under_its_noise(evidence: Evidence) -> tuple[Evidence, Searched]:
+    """What a search finds; where no repeats tell the noise, once more under the noise that this leaves."""
+    found = searched(evidence)
+    if evidence.noise.playings:
+        return evidence, found
+    evidence = by_what_is_left(evidence, found.scores, found.chosen)
+    return evidence, searched(evidence)
 
 
 def _instead(scores: Scores, stood: Sequence[int], causes: Sequence[Cause]) -> Iterator[tuple[int, ...]]:
