@@ -35,6 +35,7 @@ class Drift(JointEffect):
     choices = (1, 2)
     named_for = (0, 1)
     levels = (0, 1)
+    above_zero = ("time_constant",)
     seen_against = "t"
 
     @classmethod

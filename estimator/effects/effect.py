@@ -257,6 +257,9 @@ class Effect(Law):
     """Whether it acts between a motor and a torque sensor behind its gear: the sensor's torque stands for the model's
     there."""
 
+    above_zero: ClassVar[tuple[str, ...]] = ()
+    """Parameters that no thing of its name has at zero or below."""
+
     def laws(self) -> tuple[Effect, ...]:
         """All laws of its name: itself, and others of another kind."""
         return (self,)

@@ -47,6 +47,7 @@ class JointElasticity(JointEffect):
     hidden = (2, 3)
     choices = (3,)
     factored = True
+    above_zero = ("stiffness",)
     confused_with = ("transport_delay", "rotor_inertia", "backlash", "joint_elasticity of a neighbour")
     experiment = "let {joint} alone swing in a chirp up to its resonance"
 

@@ -28,6 +28,7 @@ class Presliding(JointEffect):
     dry = True
     in_drive = True
     units: ClassVar = {"stiffness": "N·m/rad", "level": "N·m"}
+    above_zero = ("stiffness", "level")
     known_up_to = (_LONGEST,)
     mends_below = 5e-4
     beyond_known = "a function of travel since reversals, as of a hose or a cable that gives"

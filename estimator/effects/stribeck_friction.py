@@ -49,6 +49,7 @@ class StribeckFriction(JointEffect):
         "coefficient": "N·m·s/rad",
         "exponent": "–",
     }
+    above_zero = ("velocity", "exponent")
     confused_with = ("viscous_friction", "presliding", "coulomb_friction")
     contains = ("coulomb_friction", "viscous_friction")
     named_for = (1,)

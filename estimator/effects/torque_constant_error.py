@@ -23,6 +23,7 @@ class TorqueConstantError(JointEffect):
     name = "torque_constant_error"
     in_drive = True
     units: ClassVar = {"gain": "–"}
+    above_zero = ("gain",)
     confused_with = ("load_dependent_friction", "rotor_inertia", "link_inertia", "payload")
     seen_against = "tau"
     experiment = "rest in several poses with a known payload on {joint}, and without"

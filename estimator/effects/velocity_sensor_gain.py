@@ -19,6 +19,7 @@ class VelocitySensorGain(JointEffect):
 
     name = "velocity_sensor_gain"
     units: ClassVar = {"gain": "–"}
+    above_zero = ("gain",)
     confused_with = ("viscous_friction", "encoder_eccentricity")
     seen_against = "dq"
     experiment = "compare the velocity of {joint} with the slope of its angle"

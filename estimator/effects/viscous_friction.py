@@ -38,6 +38,7 @@ class ViscousFriction(JointEffect):
     in_drive = True
     choices = (0, 3)
     units: ClassVar = {"coefficient": "N·m·s/rad", "bend": "s/rad", "sharpness": "–"}
+    above_zero = ("bend", "sharpness")
     confused_with = ("coulomb_friction", "stribeck_friction")
     seen_against = "dq"
     experiment = "move {joint} at six or more constant speeds, both ways"

@@ -261,6 +261,7 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     if other is not None:
         parameters["joint_other"] = float(other)
     errors = {key: _value(one.standard_error) for key, one in entry.parameter.items() if one.standard_error is not None}
+    _possible(found, parameters)
     _complete(found, place, parameters)
     if entry.shape is not None and len(entry.shape) != len(found.hidden):
         told = f"has a shape of {len(entry.shape)} numbers"
@@ -273,6 +274,15 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
             raise InputError(f"effect {entry.name}", told, f"it is one of {', '.join(f'{x:g}' for x in allowed)}")
     shape = None if entry.shape is None else np.array(entry.shape)
     return FittedEffect(entry.name, place, parameters, errors, shape)
+
+
+def _possible(found: Effect, parameters: Parameters) -> None:
+    """Raises InputError where a parameter is no number, or none that a thing of the effect's name has."""
+    for key, value in parameters.items():
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"effect {found.name}", f"{key!r} is no finite number", REMEDY)
+        if key in found.above_zero and np.any(np.asarray(value) <= 0.0):
+            raise InputError(f"effect {found.name}", f"{key!r} is {value:g}", "give more than zero")
 
 
 def _complete(found: Effect, place: Place, parameters: Parameters) -> None:

@@ -28,6 +28,7 @@ SMOOTH = [
 BEYOND = [
     FittedEffect("stribeck_friction", Place(3), {"level": 1.0, "breakaway": 2.0, "velocity": 0.1, "coefficient": 0.5}),
     FittedEffect("cogging", Place(4), {"order": 7.0, "amplitude": 0.1, "phase": 0.0}),
+    FittedEffect("viscous_friction", Place(5), {"coefficient": 0.2, "bend": 0.5, "sharpness": 2.0}),
 ]
 
 
@@ -45,7 +46,11 @@ def exported(path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> tuple
 
 def test_mujoco_needs_the_model_s_torque(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output, missing = exported(path, "arm.xml", capsys)
-    assert missing == ["stribeck_friction of joint4 (only in part)", "cogging of joint5 (no element in MJCF)"]
+    assert missing == [
+        "stribeck_friction of joint4 (only in part)",
+        "cogging of joint5 (no element in MJCF)",
+        "viscous_friction of joint6 (no element in MJCF)",
+    ]
     model = mujoco.MjModel.from_xml_path(str(output))
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
@@ -67,6 +72,7 @@ def test_a_urdf_has_bodies_and_friction(path: Path, capsys: pytest.CaptureFixtur
         "base_tilt of the arm",
         "stribeck_friction of joint4",
         "cogging of joint5",
+        "viscous_friction of joint6",
     ]
     assert '<dynamics damping="2.0" friction="0.0" />' in output.read_text()
     given, loaded = load_rigid_body(URDF).prior(), load_rigid_body(output).prior()

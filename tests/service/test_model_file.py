@@ -106,6 +106,7 @@ EXTENDED = [
                  {"mass": 0.1, "centre": np.array([0.01, 0.01, 0.02])}),
     FittedEffect("transport_delay", Place(channel="torque"), {"delay": 0.004}),
     FittedEffect("transport_delay", Place(2, channel="position"), {"delay": 0.002}, {}, np.array([3.0])),
+    FittedEffect("viscous_friction", Place(0), {"coefficient": 2.0, "bend": 0.6, "sharpness": 1.5}),
     FittedEffect("contact", Place(), {"where": np.array([0.1, 0.0, 0.0]), "force": np.array([-9.0, 0.0, 0.0])}),
 ]  # fmt: skip
 
@@ -142,6 +143,9 @@ def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: Mod
         ('channel = "position"', 'channel = "velocity"', "none of joint3, velocity"),
         ("shape = [3.0]", "shape = [1.0]", "the shape 1 at joint3, position.*one of 0, 3"),
         ("parameter.breakaway", "parameter.level", "TOML"),
+        ('parameter.velocity = { "value" = 0.1', 'parameter.velocity = { "value" = -0.1', "'velocity' is -0.1"),
+        ('parameter.bend = { "value" = 0.6', 'parameter.bend = { "value" = 0.0', "'bend' is 0; give more than zero"),
+        ('parameter.mass = { "value" = 2.0', 'parameter.mass = { "value" = nan', "'mass' is no finite number"),
         ('parameter.delay = { "value" = 0.004, "unit" = "s" }', "", "lacks 'delay'"),
         ('"value" = [0.1, 0.0, 0.2]', '"value" = [0.1, 0.2]', "not as many numbers"),
         ('"value" = [-9.0, 0.0, 0.0]', '"value" = [-9.0, 0.0]', "too few or too many numbers"),
