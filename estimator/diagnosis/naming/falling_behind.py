@@ -6,13 +6,13 @@ tried at joints whose frictions were found and leave what it explains.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.evidence.design import Candidate, Hypothesis
+from estimator.diagnosis.evidence.design import Candidate
 from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.refinement import Refined
 from estimator.diagnosis.evidence.scores import Scores
@@ -29,48 +29,34 @@ _UNKNOWNS = 3
 
 def with_bent_frictions(evidence: Evidence, scores: Scores, refined: Refined) -> Evidence | None:
     """The evidence with bent frictions of the joints where one explains something that the ``refined`` causes leave;
-    None where there are none, or where they are tried already."""
-    design = evidence.design
-    more = [
-        candidate
-        for number, fine in _to_try(evidence, refined)
-        if _explains(evidence, scores, refined, fine) and not _tried(evidence, number, fine)
-        for candidate in fine
-    ]
+    None where there are none."""
+    fine = list(_to_try(evidence, refined))
+    if not fine:
+        return None
+    least = 0.5 * _UNKNOWNS * np.log(scores.total.rows) + np.log(len(fine) / FALSE_ALARM)
+    more = {fine[k].hypothesis for k in np.flatnonzero(_gains(evidence, scores, refined, fine) > least)}
     if not more:
         return None
-    wide = design.with_candidates([*design.candidates, *more])
+    wide = evidence.design.with_candidates([*evidence.design.candidates, *(c for c in fine if c.hypothesis in more)])
     # How playings differ tells the noise, once what a friction makes of other motions is known.
     return weighed_again(evidence, wide, evidence.unseen, evidence.pieces, evidence.slow)
 
 
-def _to_try(evidence: Evidence, refined: Refined) -> Iterator[tuple[int, list[Candidate]]]:
-    """The hypotheses whose laws may bend, of joints that rub as their causes say, each with its bent candidates."""
+def _to_try(evidence: Evidence, refined: Refined) -> Iterator[Candidate]:
+    """The bent candidates of laws that may bend, of joints that rub as their causes say."""
     design, scales = evidence.design, Scales.of([piece.signals for piece in evidence.pieces], evidence.grid.band)
     causes = [(refined.design.hypotheses[c.hypothesis], c.theta) for c in refined.design.candidates]
-    rubbing = {law.place for law, theta in causes if _rubs(law, theta)}
-    for number, law in enumerate(design.hypotheses):
-        if law.effect.recurs or law.place not in rubbing:
-            continue
-        like = next((c for c in design.candidates if c.hypothesis == number), None)
-        thetas = law.effect.finer(law.place, scales)
-        if like is not None and len(thetas):
-            yield number, [replace(like, theta=theta) for theta in thetas]
+    rubbing = {law.place for law, theta in causes if law.effect.dry or law.effect.seen_at(theta) == "dq"}
+    straight = {candidate.hypothesis: candidate for candidate in design.candidates}
+    for number, like in straight.items():
+        law = design.hypotheses[number]
+        if law.place in rubbing and not law.effect.recurs:
+            yield from (replace(like, theta=theta) for theta in law.effect.finer(law.place, scales))
 
 
-def _rubs(law: Hypothesis, theta: Array) -> bool:
-    return law.effect.dry or law.effect.seen_at(theta) == "dq"
-
-
-def _tried(evidence: Evidence, number: int, fine: list[Candidate]) -> bool:
-    return any(c.hypothesis == number and np.array_equal(c.theta, fine[0].theta) for c in evidence.design.candidates)
-
-
-def _explains(evidence: Evidence, scores: Scores, refined: Refined, fine: list[Candidate]) -> bool:
-    """Whether one of them explains more beside the ``refined`` causes than chance and its unknowns would."""
+def _gains(evidence: Evidence, scores: Scores, refined: Refined, fine: Sequence[Candidate]) -> Array:
+    """(fine,) nats that each would add to the ``refined`` causes."""
     chosen = refined.design.candidates
     wide = evidence.design.with_candidates([*chosen, *fine])
     told = Weighted(wide, products(evidence, wide), scores.weights)
-    lines = np.arange(len(chosen), len(wide.candidates))
-    gain = float(gains_beside(wide, told, list(range(len(chosen))), lines).max())
-    return bool(gain > 0.5 * _UNKNOWNS * np.log(scores.total.rows) + np.log(len(fine) / FALSE_ALARM))
+    return gains_beside(wide, told, range(len(chosen)), np.arange(len(chosen), len(wide.candidates)))
