@@ -218,7 +218,7 @@ def test_one_joint_s_late_encoder_is_that() -> None:
     assert abs(delay.error) < 0.1 * delay.truth
 
 
-@pytest.mark.parametrize(("number", "arm"), [(0, "dda"), (2, "seven")])
+@pytest.mark.parametrize(("number", "arm"), [(1, "puma600"), (2, "seven")])
 def test_grease_that_thins_as_it_is_sheared_is_viscous_friction(number: int, arm: str) -> None:
     """The stand-in's power-law fluid beside bristles: a straight law would leave a drift as good."""
     judgement = judged(Plan(number, 35640, arm, ("viscous_friction:degressive",), 40.0, 0.02, 30.0), in_process)
