@@ -48,8 +48,6 @@ class ViscousFriction(JointEffect):
 
     def finer(self, place: Place, scales: Scales) -> Array:
         speed = float(scales.dq[self.joint(place)])
-        if speed <= 0.0:
-            return np.zeros((0, 4))
         return np.array([[BENT, bend / speed, sharpness, speed] for bend, sharpness in SHAPES])
 
     def plain(self, theta: Array) -> bool:

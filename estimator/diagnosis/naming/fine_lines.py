@@ -116,6 +116,7 @@ def _standing_out(
 
 
 def products(evidence: Evidence, design: Design) -> Block:
+    """Of all columns of a ``design`` along the evidence's recordings, in the noise's standard deviations."""
     return total(sum_up(design, evidence.pieces, evidence.decimations, evidence.noise))
 
 
