@@ -31,6 +31,8 @@ _THINNED = 3
 """Every so-manieth sample of a snapshot: hypotheses are told apart by tens of percents."""
 _RIDGE = 1e-9
 _LEAST_ROWS = 60
+_SIGNED = TERMS - 1
+"""Of a joint's terms, those that cannot be negative: two frictions and a rotor, which come first."""
 
 
 @dataclass(frozen=True)
@@ -78,16 +80,18 @@ class GivenModel:
         # Readings that exchange torques alone share their regressor.
         self._seen: tuple[Array, Array] | None = None
 
-    def left(self, shot: Snapshot) -> Array | None:
-        """(n,) as `Judged.left`, of a `thinned` snapshot; None when too little moves to say."""
+    def left(self, shot: Snapshot, sprung: bool = False) -> Array | None:
+        """(n,) as `Judged.left`, of a `thinned` snapshot; None when too little moves to say. ``sprung``: beside any
+        spring or counterbalance of each joint, too, that goes with its angle."""
         if self._seen is None or self._seen[0] is not shot.q:
             self._seen = shot.q, self._columns(shot)
-        return _left(shot, self._seen[1], self._precision, self._beta)
+        terms = np.concatenate([friction_terms(shot), _springs(shot)], axis=2) if sprung else friction_terms(shot)
+        return _left(shot, self._seen[1], self._precision, self._beta, terms)
 
     def foretold(self, learnt: Snapshot, other: Snapshot) -> list[Foretold] | None:
         """By joint the torques of another snapshot, as this model foretells them once it has been fitted to the one
         that was learnt from. None when too little moves to say."""
-        system = _system(learnt, self._columns(learnt))
+        system = _system(learnt, self._columns(learnt), friction_terms(learnt))
         if system.rows < _LEAST_ROWS:
             return None
         unknowns = _solved(system, self._precision, self._beta)
@@ -95,7 +99,9 @@ class GivenModel:
         covariance = np.linalg.inv(gram) / np.outer(scale, scale)
         told = []
         misfits = [rms(y - x @ unknowns) / weight for (x, y), weight in zip(system.blocks, system.weights, strict=True)]
-        for misfit, (block, came) in zip(misfits, _blocks(other, self._columns(other)), strict=True):
+        for misfit, (block, came) in zip(
+            misfits, _blocks(other, self._columns(other), friction_terms(other)), strict=True
+        ):
             centred = block - block.mean(axis=0) if len(block) else block
             error = np.sqrt(np.einsum("ij,jk,ik->i", centred, covariance, centred))
             told.append(Foretold(block @ unknowns, came, float(np.hypot(rms(error), misfit))))
@@ -111,7 +117,7 @@ class GivenModel:
         if left is None:
             return None
         n = self.body.n
-        alone = _left(shot, np.zeros((len(shot.q), n, 0)), np.zeros((0, 0)), np.zeros(0))
+        alone = _left(shot, np.zeros((len(shot.q), n, 0)), np.zeros((0, 0)), np.zeros(0), friction_terms(shot))
         assert alone is not None
         model = inverse_dynamics(self.body, self.body.prior(), shot.q, shot.dq, shot.ddq)
         expected = np.full(n, np.nan)
@@ -134,45 +140,52 @@ def thinned(shot: Snapshot) -> Snapshot:
 
 @dataclass(frozen=True)
 class _System:
-    """Weighted equations of a snapshot, joint after joint: base parameters, then friction, rotor and offset a joint."""
+    """Weighted equations of a snapshot, joint after joint: base parameters, then friction, rotor and offset a joint,
+    and what else goes with it."""
 
     blocks: list[tuple[Array, Array]]
     """Rows and right-hand side of each joint, where it moves and its torque says something."""
     weights: list[float]
     """1/(N·m) of each joint's."""
     rank: int
+    terms: int
+    """Of each joint."""
 
     @property
     def rows(self) -> int:
         return sum(len(target) for _, target in self.blocks)
 
 
-def _system(shot: Snapshot, columns: Array) -> _System:
-    """``columns`` (samples, n, rank) of the base parameters."""
+def _springs(shot: Snapshot) -> Array:
+    """(samples, n, 3) torques that go with each joint's own angle, as those of springs and counterbalances do."""
+    return np.stack([shot.q, np.sin(shot.q), np.cos(shot.q)], axis=2)
+
+
+def _system(shot: Snapshot, columns: Array, terms: Array) -> _System:
+    """``columns`` (samples, n, rank) of the base parameters; ``terms`` (samples, n, terms) of each joint."""
     blocks, weights = [], []
-    for block, torque in _blocks(shot, columns):
+    for block, torque in _blocks(shot, columns, terms):
         weights.append(1.0 / (_FLOOR * max(rms(torque), 1e-12)))
         blocks.append((weights[-1] * block, weights[-1] * torque))
-    return _System(blocks, weights, columns.shape[2])
+    return _System(blocks, weights, columns.shape[2], terms.shape[2])
 
 
-def _blocks(shot: Snapshot, columns: Array) -> Iterator[tuple[Array, Array]]:
+def _blocks(shot: Snapshot, columns: Array, terms: Array) -> Iterator[tuple[Array, Array]]:
     """Of each joint, where it moves and its torque says something, (rows, unknowns) the columns of all unknowns and
     (rows,) its torque."""
-    n, rank = shot.q.shape[1], columns.shape[2]
-    terms = friction_terms(shot)
+    n, rank, own = shot.q.shape[1], columns.shape[2], terms.shape[2]
     for joint in range(n):
         here = shot.moving[:, joint] & shot.usable[:, joint]
-        block = np.zeros((int(here.sum()), rank + TERMS * n))
+        block = np.zeros((int(here.sum()), rank + own * n))
         block[:, :rank] = columns[here, joint]
-        block[:, rank + TERMS * joint : rank + TERMS * (joint + 1)] = terms[here, joint]
+        block[:, rank + own * joint : rank + own * (joint + 1)] = terms[here, joint]
         yield block, shot.tau[here, joint]
 
 
-def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array) -> Array | None:
+def _left(shot: Snapshot, columns: Array, precision: Array, beta: Array, terms: Array) -> Array | None:
     """(n,) share that is left by base parameters near ``beta`` (rank,), with friction and rotors that are not
-    negative, and an offset a joint. ``columns`` (samples, n, rank)."""
-    system = _system(shot, columns)
+    negative, and an offset a joint and what else is in ``terms``. ``columns`` (samples, n, rank)."""
+    system = _system(shot, columns, terms)
     if system.rows < _LEAST_ROWS:
         return None
     unknowns = _solved(system, precision, beta)
@@ -183,7 +196,8 @@ def _solved(system: _System, precision: Array, beta: Array) -> Array:
     rank, size = system.rank, system.blocks[0][0].shape[1]
     gram, right, scale = _normal(system, precision, beta)
     bounded = np.arange(size) >= rank
-    bounded[rank + TERMS - 1 :: TERMS] = False
+    for joint in range(rank, size, system.terms):
+        bounded[joint + _SIGNED : joint + system.terms] = False
     unknowns, free = np.zeros(size), np.ones(size, dtype=np.bool_)
     while True:
         unknowns[:] = 0.0

@@ -21,12 +21,12 @@ from estimator.plausibility.units import sizes_of_torques
 Array = NDArray[np.float64]
 
 _WELL = 0.04
-"""Left of every joint: recordings need no other reading."""
-_LEAST = 0.01
-"""Left: less than this is not better."""
+"""Left of every joint: recordings need no other reading, and less than this is no better."""
 _BETTER = 1.5
-"""Nats, summed over the joints, by which less is left: of two joints each has to be less than half. Right recordings of
-the stand-in's arms reach 0.01, wrong ones 2 and more."""
+"""Nats, summed over the joints, by which less is left: of two joints each has to be less than half. Right recordings
+of the stand-in's arms and of real ones reach 1.0, wrong ones 1.9 and more."""
+_THERE = 0.5
+"""Of what is left of a joint's own torque, what another unit or sign must bring it down to."""
 _STEP = 0.3
 """Nats that each further exchange of two joints must bring."""
 _ZEROS = tuple(0.25 * np.pi * k for k in (2, -2, 4, 1, -1, 3, -3))
@@ -46,6 +46,7 @@ the stand-in's arms and of real ones leave 0.29 at the most, with the URDFs of o
 
 @dataclass(frozen=True)
 class _Reading:
+    shot: Snapshot
     kind: Kind
     joints: tuple[int, ...]
     left: Array
@@ -63,35 +64,42 @@ def misread(model: GivenModel, shot: Snapshot) -> list[Doubt]:
     best = max(readings, key=lambda reading: _gain(judged.left, reading.left), default=None)
     if best is None or _gain(judged.left, best.left) < _BETTER or replace(judged, left=best.left).share > _EXPLAINED:
         return []
+    sprung = model.left(shot, sprung=True), model.left(best.shot, sprung=True)
+    if sprung[0] is None or sprung[1] is None or _gain(sprung[0], sprung[1]) < _BETTER:
+        return []
     return [_doubt(model.body.joints, best, judged.left)]
 
 
 def _better_there(before: Array, reading: _Reading) -> bool:
-    """Whether less is left of the torque that would be read otherwise. Made a thousand times as large it outweighs all
-    others, which are explained the better then, and itself the worse: so a strong spring at a light wrist was kN·m."""
-    if reading.kind not in ("torque scale", "torque sign"):
+    """Whether far less is left of the torque that would be read otherwise, or whose angle would be. Made a thousand
+    times as large it outweighs all others, which are explained the better then, and itself no better: so strong springs
+    at light wrists were kN·m, a tenth of themselves, or went with an angle that was said to be in degrees."""
+    if reading.kind not in ("torque scale", "torque sign", "angles in degrees"):
         return True
-    return all(reading.left[joint] < before[joint] for joint in reading.joints if np.isfinite(before[joint]))
+    told = [joint for joint in reading.joints if np.isfinite(before[joint])]
+    return all(reading.left[joint] < _THERE * before[joint] for joint in told)
 
 
 def _gain(before: Array, after: Array) -> float:
     """Sum over the joints of the logarithm of how much less is left."""
-    return float(np.nansum(np.log(np.maximum(before, _LEAST) / np.maximum(after, _LEAST))))
+    return float(np.nansum(np.log(np.maximum(before, _WELL) / np.maximum(after, _WELL))))
 
 
 def _readings(model: GivenModel, shot: Snapshot, as_it_is: Array) -> Iterator[_Reading]:
     for kind, joint, size, other in _single(model, shot, as_it_is):
         left = model.left(other)
         if left is not None:
-            yield _Reading(kind, (joint,), left, size=size)
-    left = model.left(replace(shot, tau=-shot.tau))
+            yield _Reading(other, kind, (joint,), left, size=size)
+    turned = replace(shot, tau=-shot.tau)
+    left = model.left(turned)
     if left is not None:
-        yield _Reading("torque sign", tuple(range(model.body.n)), left)
+        yield _Reading(turned, "torque sign", tuple(range(model.body.n)), left)
     backwards = list(range(model.body.n))[::-1]
     for kind in ORDERS:
-        left = model.left(shot.of(kind, backwards))
+        other = shot.of(kind, backwards)
+        left = model.left(other)
         if left is not None:
-            yield _Reading(kind, tuple(range(model.body.n)), left, tuple(backwards))
+            yield _Reading(other, kind, tuple(range(model.body.n)), left, tuple(backwards))
         found = _ordered(model, shot, kind, as_it_is)
         if found is not None:
             yield found
@@ -142,7 +150,7 @@ def _ordered(model: GivenModel, shot: Snapshot, kind: Kind, as_it_is: Array) -> 
             break
         order, left = trial, other
     moved = tuple(j for j, k in enumerate(order) if j != k)
-    return _Reading(kind, moved, left, tuple(order)) if moved else None
+    return _Reading(shot.of(kind, order), kind, moved, left, tuple(order)) if moved else None
 
 
 def _doubt(names: Sequence[str], reading: _Reading, as_it_is: Array) -> Doubt:

@@ -160,6 +160,22 @@ def test_load_on_the_wrist_is_no_other_unit(six_axis: RigidBody, make_periodic: 
     assert examine(six_axis, [Trajectory(t, q, tau, dq)]) == []
 
 
+@pytest.mark.parametrize(("joint", "strength"), [(4, 1.0), (4, 2.0), (4, 16.0), (5, 2.0), (5, 8.0), (5, 32.0)])
+def test_a_strong_spring_is_no_other_reading(
+    six_axis: RigidBody, make_periodic: Periodic, joint: int, strength: float
+) -> None:
+    """As strong as all else that the joint does, and more. Each was taken for a torque of the wrong sign, in kgf·m or
+    kN·m, or for an angle in degrees: what a spring makes of a torque may look like another one."""
+    for seed in (3, 4):
+        random = np.random.default_rng(seed)
+        t, q, dq, ddq = make_periodic(6, 20.0, 250.0, seed)
+        tau = inverse_dynamics(six_axis, six_axis.prior(), q, dq, ddq)
+        usual = tau.std(axis=0)
+        tau += 0.01 * usual * random.normal(size=tau.shape)
+        tau[:, joint] += strength * usual[joint] * (q[:, joint] - q[:, joint].mean()) / q[:, joint].std()
+        assert examine(six_axis, [Trajectory(t, q, tau, dq)], believed=True) == []
+
+
 def test_urdf_of_another_arm(make_chain: Callable[..., RigidBody], recording: Trajectory) -> None:
     doubt = named(make_chain("rrrrrr", aligned=False), recording)
     assert doubt.kind == "another arm"

@@ -21,7 +21,9 @@ Array = NDArray[np.float64]
 BORNE_OUT = 1.64
 """Standard errors by which a held-out gain must be above zero; beyond, nothing more is asked."""
 _OTHERS = 3
-"""Folds at least that bear out what another one shows."""
+"""Folds at least that bear out what another one shows, or what all show that say anything of it."""
+_SAYS_NOTHING = 1.0
+"""nats: what says no more for a cause, nor against it, is of a fold in which it does not act."""
 _BY_CHANCE = -0.5 * BORNE_OUT**2
 """nats: no less than that do motions lose together by a cause that is there, however little they show of it. Of a gain
 g = s/2 + z·√s it is the least, z standard errors below what is expected."""
@@ -75,10 +77,11 @@ def one_shows(gains: Array) -> bool:
 
 
 def in_errors(gains: Array) -> float:
-    """The sum of the folds' gains in its standard errors; that of all but the largest where it is more. A motion that
-    shows far more than the others, as one that was designed to, would be all of the scatter: they bear it out then."""
-    others = np.sort(gains)[:-1]
-    return max(_told_by(gains), _told_by(others) if len(others) >= _OTHERS else -np.inf)
+    """The sum of the folds' gains in its standard errors; that of all but the largest where it is more, or of those
+    that say anything. A motion that shows far more than the others, as one that was designed to, would be all of the
+    scatter, and so would the parts of motions in which a joint stands still: the others bear it out then."""
+    kept = [np.sort(gains)[:-1], gains[np.abs(gains) > _SAYS_NOTHING]]
+    return max(_told_by(some) for some in (gains, *(k for k in kept if len(k) >= _OTHERS)))
 
 
 def _told_by(gains: Array) -> float:

@@ -23,10 +23,15 @@ from estimator.diagnosis.naming.admission import Admission
         ([0.2, -3.0, 0.5, 1.0, 230.0], False),
         ([4.0, 3.0, 230.0], False),
         ([-1.0, 2.0, -2.0, 1.0], False),
+        ([0.0, 420.0, 0.0, 0.1, 1900.0, 0.0, 550.0, 0.0, 0.0], True),
+        ([0.0, 420.0, 0.0, 0.1, 1900.0, 0.0, -350.0, 0.0, 0.0], False),
+        ([0.0, 0.0, 0.0, 0.1, 1900.0, 0.0, 0.0, 0.0, 0.0], False),
+        ([0.0, 420.0, 0.0, 0.1, 1900.0, 0.0, 0.0, 0.0, 0.0], False),
     ],
 )
 def test_the_others_bear_out_what_one_motion_shows_most_of(gains: list[float], borne_out: bool) -> None:
-    """A motion that was designed to decide outweighs all others, and by itself bears nothing out."""
+    """A motion that was designed to decide outweighs all others, and by itself bears nothing out; parts in which a
+    joint stands still say nothing of its friction, and are no scatter of what the others say."""
     assert (in_errors(np.array(gains)) > BORNE_OUT) is borne_out
 
 
