@@ -103,6 +103,13 @@ class Conditional:
         """(active, active) of the active unknowns."""
         return self.solve(np.eye(len(self.active)))
 
+    def covariance_of_causes(self) -> Array:
+        """(causes, causes) of the active unknowns that are not the given model's: they come last, so their part of the
+        root is of them alone."""
+        own = self._root[self.design.given :, self.design.given :]
+        half = dtrtrs(own, np.eye(len(own)), trans=1)[0]
+        return np.asarray(half.T @ half)
+
     @cached_property
     def score(self) -> Array:
         """(size,) products of every column with the residual."""
@@ -131,12 +138,14 @@ class Conditional:
             result[channel] = direction @ gram[chosen[:, None], chosen] @ direction
         return result
 
-    def remaining(self, group: Group, own: Array | None = None) -> tuple[Array, Array]:
+    def remaining(self, group: Group, own: Array | None = None, half: Array | None = None) -> tuple[Array, Array]:
         """(k, c, c) products of each candidate's columns after the active ones, and (k, c) energies before; ``own``
-        (k, c, c) of its own columns (`Weighted.of_each`), where they are known."""
+        (k, c, c) of its own columns (`Weighted.of_each`), and ``half`` (k, c, active) of them (`rooted`), where they
+        are known."""
         if own is None:
             own = self.told.of_each(group.columns)
-        half = self.rooted[group.columns]
+        if half is None:
+            half = self.rooted[group.columns]
         return own - half @ half.transpose(0, 2, 1), np.einsum("kcc->kc", own)
 
     def gains(self, groups: Sequence[Group], own: Sequence[Array] | None = None) -> Array:
@@ -146,6 +155,17 @@ class Conditional:
         for number, group in enumerate(groups):
             matrix, energy = self.remaining(group, None if own is None else own[number])
             score = self.score[group.columns][:, :, None]
+            result[group.candidates] = bounded_gains(matrix, score, energy, group.lower, group.upper)[:, 0]
+        return result
+
+    def gains_of_few(self, groups: Sequence[Group]) -> Array:
+        """`gains` of candidates that are few beside all: no other column is touched."""
+        result, told = np.full(len(self.design.candidates), -np.inf), self.halfway(self.right[self.active])
+        for group in groups:
+            cross = self.told.of_active(self.active, group.columns.ravel())
+            half = self.halfway(cross).T.reshape(*group.columns.shape, len(self.active))
+            matrix, energy = self.remaining(group, half=half)
+            score = (self.right[group.columns] - half @ told)[:, :, None]
             result[group.candidates] = bounded_gains(matrix, score, energy, group.lower, group.upper)[:, 0]
         return result
 
@@ -162,13 +182,20 @@ def within_limits(told: Weighted, candidates: Sequence[Candidate], least: int = 
     may_go = [c.separable if least else np.ones(len(c.columns)) for c in candidates]
     sign = np.concatenate([np.zeros(0), *(own * free for own, free in zip(signs, may_go, strict=True))])
     kept = np.ones(len(columns), dtype=bool)
+    model = Conditional(told, np.concatenate([np.arange(given), columns]))
+    if not (sign * model.value[given:] < 0.0).any():
+        return model
+    value, covariance = model.value[given:].copy(), model.covariance_of_causes()
     while True:
-        model = Conditional(told, np.concatenate([np.arange(given), columns[kept]]))
-        inside = np.zeros(len(columns))
-        inside[kept] = sign[kept] * model.value[given:]
+        inside = np.where(kept, sign * value, 0.0)
         beyond = (inside < 0.0) & (np.bincount(owner[kept], minlength=len(candidates))[owner] > least)
         if not beyond.any():
-            return model
-        error = np.ones(len(columns))
-        error[kept] = np.sqrt(np.diag(model.covariance)[given:])
-        kept[np.argmin(np.where(beyond, inside / error, 0.0))] = False
+            break
+        error = np.sqrt(np.where(kept, np.diag(covariance), 1.0))
+        gone = np.argmin(np.where(beyond, inside / error, 0.0))
+        # What the others are without it: as they are where it is known to be zero.
+        pull = covariance[:, gone] / covariance[gone, gone]
+        value -= pull * value[gone]
+        covariance -= np.outer(pull, covariance[gone])
+        kept[gone] = False
+    return model if kept.all() else Conditional(told, np.concatenate([np.arange(given), columns[kept]]))

@@ -192,6 +192,11 @@ class Scores:
             self._gains[key] = self.model(chosen).gains(self.groups, self._own)
         return self._gains[key]
 
+    def gains_of(self, few: Sequence[int], chosen: Sequence[int]) -> Array:
+        """(candidates,) likewise, of a few candidates; others −inf, or as `gains` where these are known already."""
+        key = frozenset(chosen)
+        return self._gains[key] if key in self._gains else self.model(chosen).gains_of_few(groups_of(self.design, few))
+
     def ranked(self, chosen: Sequence[int]) -> list[tuple[int, float, float]]:
         """Best supported candidate of every other effect, its gain and its gain less penalty, best first."""
         gains = self.gains(chosen)

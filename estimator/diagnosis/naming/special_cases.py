@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
+import numpy as np
+
 from estimator.diagnosis.evidence.design import Candidate
 from estimator.diagnosis.naming.admission import Admission
 from estimator.effects import Law
@@ -64,10 +66,7 @@ class SpecialCases:
     def _best_of(self, name: str, candidate: Candidate, others: Sequence[int]) -> int | None:
         """The candidate of the named effect at the same place that adds most to the others."""
         place = self.design.hypotheses[candidate.hypothesis].place
-        same = [
-            k
-            for k, other in enumerate(self.design.candidates)
-            if (h := self.design.hypotheses[other.hypothesis]).effect.name == name and h.place == place
-        ]
-        gains = self.scores.gains(others)
+        laws = [n for n, law in enumerate(self.design.hypotheses) if law.effect.name == name and law.place == place]
+        same = np.flatnonzero(np.isin(self.scores.owner, laws)).tolist()
+        gains = self.scores.gains_of(same, others)
         return max(same, key=lambda k: gains[k] - self.scores.penalty([k]), default=None)

@@ -53,6 +53,14 @@ def scores(evidence: Evidence) -> Scores:
     return Scores(evidence.design, evidence.blocks, evidence.folds)
 
 
+def test_a_few_candidates_gain_what_they_gain_among_all(scores: Scores) -> None:
+    best = [row[0] for row in scores.ranked([])[:2]]
+    few = [k for k in range(0, len(scores.owner), 7) if k not in best]
+    alone = scores.gains_of(few, best)
+    np.testing.assert_allclose(alone[few], scores.gains(best)[few], rtol=1e-6, atol=1e-6)
+    assert not np.isfinite(np.delete(alone, few)).any()
+
+
 def test_a_cause_that_is_taken_out_again_is_not_tried_for_ever(scores: Scores, monkeypatch: pytest.MonkeyPatch) -> None:
     def nothing(_: Search, chosen: Sequence[int]) -> list[int]:
         return []
