@@ -117,7 +117,12 @@ def _examine_torques(
     if believed and np.any(body.prior()[::10] > 0.0):
         doubts = [doubt for doubt in doubts if doubt.wrong]
         if doubts:  # known links tell an angle's sign from its torque's, where bodies of any weight may fit both
-            return misread(model, thinned(shot)) or doubts
+            if told := misread(model, thinned(shot)):
+                return told
+            judged = model.judged(thinned(shot))
+            if judged is None or not judged.seen:
+                return doubts
+            doubts = []
         doubts = [replace(doubt, wrong=True) for doubt in torque_against_masses(body, shot)]
         alike = torques_alike(body, shot)
         doubts = doubts or [doubt for doubt in alike if doubt.wrong]
@@ -143,7 +148,7 @@ def _against_model(model: GivenModel, trajectories: Sequence[Trajectory], shot: 
     """Channels misread; or torques that this arm's links do not explain although they should be seen in them."""
     doubts = misread(model, shot)
     judged = None if doubts else model.judged(shot)
-    if judged is None or model.body.n < 2 or judged.share < UNRELATED:
+    if judged is None or model.body.n < 2 or judged.share < UNRELATED or judged.seen:
         return doubts
     size = np.sqrt(np.mean(shot.tau**2, axis=0))
     told = (judged.expected > _VISIBLE) & (

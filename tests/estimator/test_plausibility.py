@@ -176,6 +176,26 @@ def test_a_strong_spring_is_no_other_reading(
         assert examine(six_axis, [Trajectory(t, q, tau, dq)], believed=True) == []
 
 
+@pytest.mark.parametrize("kind", ["spring", "friction", "wall"])
+@pytest.mark.parametrize("strength", [1.0, 3.0])
+def test_strong_effects_in_every_joint_are_no_other_arm(
+    six_axis: RigidBody, make_periodic: Periodic, kind: str, strength: float
+) -> None:
+    """Most of the torques are not the links', and yet the links' are there."""
+    t, q, dq, ddq = make_periodic(6, 20.0, 250.0, 3)
+    tau = inverse_dynamics(six_axis, six_axis.prior(), q, dq, ddq)
+    usual, turned = tau.std(axis=0), (q - q.mean(axis=0)) / q.std(axis=0)
+    effects = {
+        "spring": turned,
+        "friction": np.tanh(dq / 0.01) * (1.0 + 0.4 * np.exp(-np.abs(dq) / 0.1)),
+        "wall": np.maximum(turned - 0.5, 0.0),
+    }
+    noise = 0.01 * usual * np.random.default_rng(5).normal(size=tau.shape)
+    assert (
+        examine(six_axis, [Trajectory(t, q, tau + noise + strength * usual * effects[kind], dq)], believed=True) == []
+    )
+
+
 def test_urdf_of_another_arm(make_chain: Callable[..., RigidBody], recording: Trajectory) -> None:
     doubt = named(make_chain("rrrrrr", aligned=False), recording)
     assert doubt.kind == "another arm"
