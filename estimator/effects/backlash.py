@@ -17,7 +17,7 @@ from estimator.twin.plant import PlantDraft, Series
 
 Array = NDArray[np.float64]
 
-GAPS = (3e-5, 3e-4, 3e-3, 1e-2)
+GAPS = (3e-5, 3e-4, 3e-3, 1e-2, 3e-2)
 """rad, to try."""
 _AS_WIDE = 0.3
 """Of the gap that a shape was made of, the least that it can be: one that is crossed as slowly as a gap of 10 mrad is

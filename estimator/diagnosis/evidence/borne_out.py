@@ -79,8 +79,11 @@ def one_shows(gains: Array) -> bool:
 def in_errors(gains: Array) -> float:
     """The sum of the folds' gains in its standard errors; that of all but the largest where it is more, or of those
     that say anything. A motion that shows far more than the others, as one that was designed to, would be all of the
-    scatter, and so would the parts of motions in which a joint stands still: the others bear it out then."""
+    scatter, and so would the parts of motions in which a joint stands still: the others bear it out then. Where every
+    fold speaks for it, none counts for more than their median: that one shows still more is nothing against it."""
     kept = [np.sort(gains)[:-1], gains[np.abs(gains) > _SAYS_NOTHING]]
+    if np.all(gains > _SAYS_NOTHING):
+        kept.append(np.minimum(gains, np.median(gains)))
     return max(_told_by(some) for some in (gains, *(k for k in kept if len(k) >= _OTHERS)))
 
 

@@ -23,6 +23,7 @@ from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_join
 from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
+from estimator.diagnosis.naming.one_line import of_one_line
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
 from estimator.diagnosis.naming.search import Search
@@ -167,6 +168,7 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     """The candidates of a search that stand by their best shapes, in order."""
     evidence, scores = found.evidence, found.scores
     chosen, refined = _refined(evidence, scores, _explaining(scores, found.widest, found.chosen))
+    chosen, refined = of_one_line(evidence, scores, chosen, refined)
     chosen, refined = told_once(evidence, scores, chosen, refined)
     chosen, refined = simpler(evidence, scores, chosen, refined)
     chosen, refined = late_alike(evidence, scores, chosen, refined)

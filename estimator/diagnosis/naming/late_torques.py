@@ -7,16 +7,17 @@ reversal, and bristles, springs and links would mend it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.evidence.design import Design, Hypothesis
+from estimator.diagnosis.evidence.design import Candidate, Design, Hypothesis
 from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.grams import sheets
+from estimator.diagnosis.evidence.own_shapes import shaped_by_coefficients
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.bent_links import bent, nats_changed
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 
 _OF_JOINTS = 10.0
 """nats that delays of single joints explain together beside that of all, to be any joint's own."""
+_ANOTHER = 0.25
+"""Of the delay that a shape was made of: one that is farther from it is another one."""
 _WORTH = 3.0
 """nats that a cause must be expected to explain more beside the motion that the torques answer to."""
 
@@ -35,14 +38,14 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     """The evidence with columns of the motion that torques answer to, where some of them were found late among the
     ``chosen``, or all angles; None where that changes none of the other causes, nor what they are late by. Where
     repeats tell the noise, it is told anew: how sure torques are about reversals depends on it."""
-    late = _lateness(refined.design)
+    delays = {k: one for k, one in zip(chosen, _as_late(refined), strict=True) if _timed(scores.hypothesis(k))}
+    late = _lateness(evidence.design, delays.values())
     if not late.differs_from(evidence.late):
         return None
     pieces = answering(evidence.pieces, late)
-    delays = {k: own for k, own in zip(chosen, refined.design.candidates, strict=True) if _timed(scores.hypothesis(k))}
     causes = [k for k in chosen if k not in delays]
     design = evidence.design
-    another = any(np.any(design.candidates[k].theta[1:] != own.theta[1:]) for k, own in delays.items())
+    another = any(np.any(design.candidates[k].theta[1:] != one.theta[1:]) for k, one in delays.items())
     # Beside a late angle a delay of torques is one of other torques, and hardly told from the channel's timing.
     others = late.angles.any() and len(delays) > np.count_nonzero(late.angles)
     if not (another or others) and all(
@@ -51,9 +54,9 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
         return None
     # Beside smaller errors of the others a delay of the grid is hardly the right one, and delays of joints mend it. Its
     # form was told by the rigid body's torques, before all laws went with it.
-    design = design.with_candidates([delays.get(k, own) for k, own in enumerate(design.candidates)])
-    for own in delays.values():
-        design = _of_form(design, own.hypothesis, own.theta)
+    design = design.with_candidates([delays.get(k, one) for k, one in enumerate(design.candidates)])
+    for one in delays.values():
+        design = _of_form(design, one.hypothesis, one.theta)
     slow = cache(lambda: answering(evidence.slow(), late))
     if not evidence.noise.playings:
         blocks = [one.compact() for one in sheets(design, pieces, evidence.decimations, evidence.noise, evidence.parts)]
@@ -94,11 +97,20 @@ def answering(pieces: Sequence[Stretch], late: Lateness | None) -> list[Stretch]
     return [replace(p, signals=p.signals.as_recorded.answering_to(late)) for p in pieces]
 
 
-def _lateness(design: Design) -> Lateness:
-    """What is recorded late by the delays among a design's candidates."""
-    hypotheses = [(design.hypotheses[candidate.hypothesis], candidate.theta) for candidate in design.candidates]
-    told = (law.effect.lateness(design.body, law.place, theta) for law, theta in hypotheses if _timed(law))
-    return Lateness.together(design.body.n, told)
+def _as_late(refined: Refined) -> list[Candidate]:
+    """The candidates; a delay that is fitted no worse with the shape of quite another one, by what is late in all."""
+    candidates = refined.design.candidates
+    told = shaped_by_coefficients(refined.design, refined.value, candidates)
+    return [
+        by_value if len(own.theta) and abs(by_value.theta[0] - own.theta[0]) > _ANOTHER * own.theta[0] else own
+        for own, by_value in zip(candidates, told, strict=True)
+    ]
+
+
+def _lateness(design: Design, delays: Iterable[Candidate]) -> Lateness:
+    """What is recorded late by some delays."""
+    laws = [(design.hypotheses[one.hypothesis], one.theta) for one in delays]
+    return Lateness.together(design.body.n, (law.effect.lateness(design.body, law.place, x) for law, x in laws))
 
 
 def _timed(hypothesis: Hypothesis) -> bool:

@@ -149,7 +149,7 @@ def _with_two(evidence: Evidence, scores: Scores, law: int, cause: int, chosen: 
     if found:
         return _Pair(trial, shaped, 0.0, True)
     orders = [candidate.theta[0] for candidate in shaped.design.candidates[-2:]]
-    apart = bool(np.ptp(orders) * _reach(evidence, scores.hypothesis(slow[0]).place) > _APART)
+    apart = bool(np.ptp(orders) * reach(evidence, scores.hypothesis(slow[0]).place) > _APART)
     return _Pair(trial, shaped, max(float(np.log(len(trials))), FORM * scores.nats_there(cause, chosen)), apart)
 
 
@@ -165,10 +165,10 @@ def _slow(evidence: Evidence, scores: Scores, cause: int, chosen: list[int]) -> 
         return any(line.place == own.place and own.effect.name in line.effect.looks_like for line in lines)
     if not own.effect.looks_like:
         return False
-    return float(scores.design.candidates[cause].theta[0]) * _reach(evidence, own.place) < 2.0 * np.pi * _PERIODS
+    return float(scores.design.candidates[cause].theta[0]) * reach(evidence, own.place) < 2.0 * np.pi * _PERIODS
 
 
-def _reach(evidence: Evidence, place: Place) -> float:
+def reach(evidence: Evidence, place: Place) -> float:
     """rad that a joint moves through."""
     ends = [end(piece.signals.q[:, place.joint]) for piece in evidence.pieces for end in (np.min, np.max)]
     return float(np.ptp(ends))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,12 @@ from config import load_installation
 from estimator import RigidBody, Trajectory, inverse_dynamics, load_rigid_body
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.refinement import fitted
+from estimator.diagnosis.evidence.scores import Scores
+from estimator.diagnosis.naming.late_torques import with_late_torques
 from estimator.effects import Lateness, Place, Signals
+from estimator.effects.transport_delay import LATE as TIME_ALONE
 from estimator.effects.transport_delay import SECOND_ORDER
 
 Array = NDArray[np.float64]
@@ -190,3 +196,32 @@ def test_the_motion_as_it_was_recorded_stays_beside_the_one_that_torques_answer_
     np.testing.assert_array_equal(part.as_recorded.q, signals.q[100:200])
     np.testing.assert_array_equal(part.q, late.q[100:200])
     assert signals.as_recorded is signals
+
+
+def test_laws_are_as_late_as_a_delay_is_whatever_the_shape_that_it_was_fitted_with(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """A shape of 25 ms may fit a smaller delay no worse; laws that came late by 25 fitted nothing."""
+    body = make_chain("rrr")
+    evidence = gather(body, recorded(body, make_periodic, np.full(3, LATE)), 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds)
+    gains = scores.gains([])
+
+    def best(effect: str, joint: int | None, channel: str | None = None) -> int:
+        place = Place(joint, channel=channel)
+        own = [k for k in range(len(gains)) if (h := scores.hypothesis(k)).effect.name == effect and h.place == place]
+        own = [k for k in own if channel is None or evidence.design.candidates[k].theta[1] == TIME_ALONE]
+        return max(own, key=lambda k: gains[k])
+
+    chosen = [best("transport_delay", None, "torque"), *(best("coulomb_friction", k) for k in range(3))]
+    refined = fitted(evidence, scores, chosen)
+    shapes = [
+        replace(c, theta=np.array([0.025, TIME_ALONE])) if n == 0 else c
+        for n, c in enumerate(refined.design.candidates)
+    ]
+    answering = with_late_torques(
+        evidence, scores, chosen, replace(refined, design=refined.design.with_candidates(shapes))
+    )
+    assert answering is not None
+    assert answering.late is not None
+    np.testing.assert_allclose(answering.late.delay, float(refined.design.candidates[0].theta[0]), rtol=0.05)
