@@ -11,6 +11,7 @@ from estimator.diagnosis.diagnose import verdict
 from estimator.diagnosis.evidence.grams import total
 from estimator.diagnosis.evidence.torques import plain_blocks, residual_power
 from estimator.diagnosis.naming.judging import Judged
+from estimator.diagnosis.naming.restless import restless, restless_note
 from estimator.diagnosis.naming.unexplained import without_name
 from estimator.diagnosis.telling.answer import Diagnosis, Finding, Residual
 from estimator.diagnosis.telling.traces import signatures, unit_of_channel
@@ -37,7 +38,7 @@ def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
     findings = (*found.findings, *judged.findings)
     there = {
         joint: replace(left, signature=f"{left.signature}, between its motor and its sensor")
-        for joint, left in without_name(judged.nameless).items()
+        for joint, left in (restless(judged.refined, judged.widest) | without_name(judged.nameless)).items()
     }
     unexplained = there | found.unexplained
     return replace(
@@ -45,6 +46,7 @@ def put_beside(found: Diagnosis, judged: Judged) -> Diagnosis:
         verdict=verdict(findings, unexplained),
         findings=findings,
         unexplained=unexplained,
+        notes=(*found.notes, *restless_note(evidence.design)),
         traces=replace(found.traces, signatures=(*found.traces.signatures, *drawn)),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,11 @@ from estimator.diagnosis.evidence.torques import (
 from estimator.diagnosis.naming.detectable import smallest_detectable
 from estimator.diagnosis.naming.judging import Judged, judge
 from estimator.diagnosis.naming.late_torques import as_fitted
+from estimator.diagnosis.naming.restless import RESTLESS, restless_note
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, unexplained_by
 from estimator.diagnosis.observed.first_body import has_bodies
 from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.observed.stretches import Stretch
 from estimator.diagnosis.telling.answer import Alternative, Diagnosis, Finding, HeldOut, Residual, Unexplained, Verdict
 from estimator.diagnosis.telling.traces import Traces, traces
 from estimator.differences import with_speeds_of_their_own
@@ -75,8 +78,10 @@ def diagnose(
 
 
 def verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
-    """Of findings and of what no finding explains, by joint."""
-    if any(left.share > _WORTH_TELLING for left in unexplained.values()):
+    """Of findings and of what no finding explains, by joint. That a friction is another one in each recording is no
+    doubt about its name."""
+    nameless = [left for left in unexplained.values() if not left.signature.startswith(RESTLESS)]
+    if any(left.share > _WORTH_TELLING for left in nameless):
         return "unknown"
     if not findings:
         return "clean"
@@ -100,7 +105,7 @@ def _held_out(
     design = refined.design
     chosen = torque_channels(design)
     if hold_out:
-        pieces = as_fitted(evidence, cut(body, evidence.grid, hold_out))
+        pieces = _others(evidence, body, hold_out)
         whole = total(plain_blocks(design, pieces, [evidence.grid.decimation(p.signals.period) for p in pieces]))
         before, after = (
             residual_power(design, whole, np.zeros(design.size)),
@@ -124,8 +129,15 @@ def _held_out(
 
 def _traces(evidence: Evidence, refined: Refined, body: RigidBody, hold_out: Sequence[Trajectory]) -> Traces:
     """Shown on what was held out where there is some."""
-    shown = as_fitted(evidence, cut(body, evidence.grid, hold_out)) if hold_out else evidence.pieces
-    return traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.likely, body.joints)
+    shown = _others(evidence, body, hold_out) if hold_out else evidence.pieces
+    found = traces(refined, evidence.pieces, shown, evidence.grid, evidence.noise.likely, body.joints)
+    return replace(found, recording=found.recording - evidence.recordings) if hold_out else found
+
+
+def _others(evidence: Evidence, body: RigidBody, hold_out: Sequence[Trajectory]) -> list[Stretch]:
+    """Stretches of recordings that were not learnt from, numbered after those that were."""
+    pieces = as_fitted(evidence, cut(body, evidence.grid, hold_out))
+    return [replace(piece, recording=evidence.recordings + piece.recording) for piece in pieces]
 
 
 def _deviation(evidence: Evidence, refined: Refined, given: RigidBody) -> Array:
@@ -187,12 +199,7 @@ def _notes(evidence: Evidence, given: RigidBody, tolerance: float, judged: Judge
         for other in f.alternatives[:1]
         if not other.decidable
     ]
-    if evidence.restless:
-        rub = ", ".join(given.joints[k] for k in evidence.restless)
-        notes.append(
-            f"playings of one motion differ mostly by the friction of {rub}, which is another one in each: that counts "
-            "as noise; record the joints' temperatures, or play each motion twice at once"
-        )
+    notes += restless_note(evidence.design)
     noise: Noise = evidence.noise
     if noise.playings:
         notes.append(f"noise from {noise.playings} playings of {len(evidence.repeats)} repeated motions")

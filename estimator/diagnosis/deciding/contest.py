@@ -95,7 +95,9 @@ class Contest:
         signals = Signals.of_motion(self.body, t, q, dq, ddq)
         nothing = np.zeros((len(t), len(self.design.channels)))
         noise = self._with_rests(signals, playings)
-        rows = stretch_rows(self.design, Stretch(0, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, noise)
+        rows = stretch_rows(
+            self.design, Stretch(self.design.recordings, signals, nothing, nothing, nothing[0]), SAMPLES_A_ROW, noise
+        )
         return Block(0, rows[0].shape[1], [x @ x.T for x in rows]).times(playings)
 
     def planned_reading(self, seconds: float) -> Block:

@@ -83,6 +83,13 @@ class Conditional:
         """nats that the active unknowns explain."""
         return 0.5 * float(self.right[self.active] @ self.value)
 
+    @property
+    def log_evidence(self) -> float:
+        """log p(rows) with the active unknowns integrated out, those of the given model over their prior and the others
+        over all that they can be: up to what depends on the rows and on the others' columns alone."""
+        narrowed = 2.0 * np.sum(np.log(np.diag(self._root))) - np.linalg.slogdet(self.design.precision)[1]
+        return self.explained - 0.5 * float(narrowed)
+
     def solve(self, right: Array) -> Array:
         """(active, …) the unknowns for other right-hand sides."""
         return np.asarray(dpotrs(self._root, right)[0])

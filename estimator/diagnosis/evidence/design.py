@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from estimator.base_parameters import BaseParameters
 from estimator.diagnosis.observed.drives_off import OffReading
 from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.observed.own_friction import OWN, courses, own_friction
 from estimator.diagnosis.observed.stretches import Channel, Stretch
 from estimator.diagnosis.observed.turning import settled
 from estimator.effects import Law, Place, Scales, Signals
@@ -62,8 +63,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Design:
-    """Unknowns: what the given model is allowed to be off by (deviations of its base parameters, and each channel's
-    timing within a part of a sample), then every candidate's coefficients."""
+    """Unknowns: what the given model is allowed to be off by (deviations of its base parameters, each channel's timing
+    within a part of a sample, and frictions that are others in each recording), then every candidate's coefficients."""
 
     body: RigidBody
     base: BaseParameters
@@ -76,11 +77,26 @@ class Design:
     """For each channel the base parameters that enter it."""
     reading: OffReading | None = None
     """Of the torques with the drives off, where there is one."""
+    restless: tuple[int, ...] = ()
+    """Torques whose joint has a friction of its own in each recording."""
+    recordings: int = 0
 
     @property
     def given(self) -> int:
-        """Unknowns of the given model: base parameters, then one timing a channel, s."""
-        return self.base.rank + len(self.channels)
+        """Unknowns of the given model: base parameters, then one timing a channel, s, then the `own_frictions` of each
+        of the ``restless``."""
+        return self.base.rank + len(self.channels) + self._own * len(self.restless)
+
+    @property
+    def _own(self) -> int:
+        """Of a restless torque, for each recording and for any other, as of a motion yet to be played."""
+        return OWN * (self.recordings + 1)
+
+    def own_frictions(self, channel: int) -> Indices:
+        """(recordings + 1, OWN) unknowns of a restless torque, by how much `own_friction` differs from the causes': of
+        each course over the recordings (`courses`), and of any other recording."""
+        first = self.base.rank + len(self.channels) + self._own * self.restless.index(channel)
+        return np.arange(first, first + self._own).reshape(-1, OWN)
 
     @cached_property
     def size(self) -> int:
@@ -92,6 +108,8 @@ class Design:
         own: list[list[Indices]] = [
             [np.append(base, self.base.rank + channel)] for channel, base in enumerate(self.reached)
         ]
+        for channel in self.restless:
+            own[channel].append(self.own_frictions(channel).ravel())
         for candidate in self.candidates:
             for channel in candidate.channels:
                 own[channel].append(candidate.columns)
@@ -119,16 +137,8 @@ class Design:
             columns = np.arange(place, place + len(c.columns))
             renumbered.append(replace(c, columns=columns))
             place += len(columns)
-        return Design(
-            self.body,
-            self.base,
-            self.channels,
-            self.hypotheses,
-            tuple(renumbered),
-            self.precision,
-            self.reached,
-            self.reading,
-        )
+        # A copy made so has none of what was worked out of the former columns.
+        return replace(self, candidates=tuple(renumbered))
 
 
 def make_design(
@@ -198,7 +208,7 @@ def stretch_rows(design: Design, stretch: Stretch, decimation: int, noise: Noise
         )
         for channel, members in enumerate(design.members)
     ]
-    for channel, columns in _columns(design, stretch.signals):
+    for channel, columns in _columns(design, stretch.signals, min(stretch.recording, design.recordings)):
         sinks[channel].take(columns)
     for sink, residual in zip(sinks, stretch.residual.T, strict=True):
         sink.take(residual[None])
@@ -249,7 +259,7 @@ class _Sink:
             self._waiting.clear()
 
 
-def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
+def _columns(design: Design, signals: Signals, recording: int) -> Iterator[tuple[int, Array]]:
     """Channel and (columns, samples), each channel's in the order of its members."""
     kept, sign = np.array(design.base.kept, dtype=np.intp), design.base.sign
     still = signals.as_recorded
@@ -259,6 +269,9 @@ def _columns(design: Design, signals: Signals) -> Iterator[tuple[int, Array]]:
             yield number, signals.lagged(signals.regressor[:, channel.index, kept[reached]] * sign[reached]).T
         # A channel that is late by δ reads x(t) − δ·dx/dt.
         yield number, -slope[channel.equation][:, [channel.index]].T
+        if number in design.restless:
+            own = signals.lagged(own_friction(signals, channel.index)).T
+            yield number, (courses(design.recordings)[recording, :, None, None] * own).reshape(-1, signals.samples)
     for number, of_one in groupby(design.candidates, key=lambda candidate: candidate.hypothesis):
         candidates, hypothesis = list(of_one), design.hypotheses[number]
         thetas = [candidate.theta for candidate in candidates]

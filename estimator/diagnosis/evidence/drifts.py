@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from estimator.diagnosis.evidence.design import Candidate, Design, candidate_columns
 from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.observed.own_friction import OWN, own_friction
 from estimator.diagnosis.observed.repetition import lay, playings
 from estimator.diagnosis.observed.stretches import Grid, Stretch
 from estimator.repeats import RepeatGroup
@@ -30,7 +31,7 @@ _DIFFER = 0.01
 _TOLD = 1e-2
 """Of the largest direction of a channel's drifts: in smaller ones they are alike."""
 _MOST = 0.5
-"""Of what playings differ by, from which on it is told that a friction is another one in each."""
+"""Of what playings differ by, from which on a friction is another one in each."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,10 @@ class Drifts:
     """What frictions make playings of one motion differ by."""
 
     left: list[Array]
-    """Rows of all playings (`playings`) without what drifts with time or temperature."""
-    restless: tuple[int, ...]
-    """Joints whose friction is another one in each playing, and goes with neither."""
+    """Rows of all playings (`playings`) without what drifts with time or temperature, or is a friction of their own."""
+    restless: dict[int, Array]
+    """By torque whose joint's friction is another one in each recording, and goes with neither, the standard deviations
+    (OWN,) of `own_friction` between playings."""
 
 
 def drifts(
@@ -65,17 +67,20 @@ def drifts(
         value, _ = _fitted(_apart(white, channel, _of(richest, channel)), _apart(white, channel, courses))
         _take_away(richest, channel, courses, value)
         _take_away_from_each(richest, channel, frictions)
-    left, restless, noise = [stack.copy() for stack in rows], [], noise_of(richest)
+    left, restless, noise = [stack.copy() for stack in rows], {}, noise_of(richest)
+    apart_each = all(len({one.trajectory for one in group.occurrences}) == len(group.occurrences) for group in repeats)
     if noise is None:
-        return Drifts(left, ())
-    for channel, (courses, _) in told.items():
+        return Drifts(left, {})
+    for channel, (courses, frictions) in told.items():
         apart = _apart(noise, channel, _of(left, channel))
         value, chance = _fitted(apart, _apart(noise, channel, courses))
         if chance < _BY_CHANCE / len(told):
             _take_away(left, channel, courses, value)
-        elif np.sum(_apart(noise, channel, _of(richest, channel)) ** 2) < (1.0 - _MOST) * np.sum(apart**2):
-            restless.append(design.channels[channel].index)
-    return Drifts(left, tuple(restless))
+            continue
+        without = _apart(noise, channel, _of(richest, channel))
+        if apart_each and np.sum(without**2) < (1.0 - _MOST) * np.sum(apart**2):
+            restless[channel] = _take_away_from_each(left, channel, frictions)
+    return Drifts(left, restless)
 
 
 def _by_channel(design: Design) -> dict[int, list[Candidate]]:
@@ -93,13 +98,12 @@ def _by_channel(design: Design) -> dict[int, list[Candidate]]:
 
 def _columns(design: Design, candidates: Sequence[Candidate], channel: int, piece: Stretch) -> tuple[Array, Array]:
     """(samples, candidates) of the first values of drifts, from which those of the last differ by what recurs; and
-    (samples, laws) of what each law has where it does not drift."""
-    first, still = [], {}
-    for candidate in candidates:
-        own = candidate_columns(design, candidate, piece.signals)[:, candidate.channels.index(channel)]
-        first.append(own[:, 0])
-        still[candidate.hypothesis] = own.sum(axis=1)
-    return np.stack(first, axis=1), np.stack(list(still.values()), axis=1)
+    (samples, OWN) of frictions that do not drift."""
+    first = [
+        candidate_columns(design, candidate, piece.signals)[:, candidate.channels.index(channel), 0]
+        for candidate in candidates
+    ]
+    return np.stack(first, axis=1), own_friction(piece.signals, design.channels[channel].index)
 
 
 def _that_differ(courses: Sequence[Array]) -> list[Array]:
@@ -134,9 +138,14 @@ def _take_away(rows: Sequence[Array], channel: int, columns: Sequence[Array], va
         stack[..., channel] -= own @ value
 
 
-def _take_away_from_each(rows: Sequence[Array], channel: int, frictions: Sequence[Array]) -> None:
-    """What each playing differs by that goes with a friction of its own."""
+def _take_away_from_each(rows: Sequence[Array], channel: int, frictions: Sequence[Array]) -> Array:
+    """What each playing differs by that goes with a friction of its own; (OWN,) standard deviations of these."""
+    squares, freedom = np.zeros(OWN), 0
     for stack, own in zip(rows, frictions, strict=True):
         apart = stack[..., channel] - stack[..., channel].mean(axis=1, keepdims=True)
         for place in np.ndindex(apart.shape[:2]):
-            stack[*place, :, channel] -= own[place] @ np.linalg.lstsq(own[place], apart[place])[0]
+            value = np.linalg.lstsq(own[place], apart[place])[0]
+            stack[*place, :, channel] -= own[place] @ value
+            squares += value**2
+        freedom += apart.shape[0] * (apart.shape[1] - 1)
+    return np.sqrt(squares / freedom)

@@ -17,6 +17,7 @@ from estimator.diagnosis.evidence.first_look import first_look, held, held_at, s
 from estimator.diagnosis.evidence.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.evidence.grams import Block, Sheet, sheets
 from estimator.diagnosis.evidence.maps import MAPS
+from estimator.diagnosis.evidence.own_frictions import spread_of, spreads_of, with_all_own, with_own_frictions
 from estimator.diagnosis.observed.assumed_noise import assumed_noise
 from estimator.diagnosis.observed.drives_off import read_off
 from estimator.diagnosis.observed.first_body import first_body, has_bodies
@@ -63,8 +64,6 @@ class Evidence:
     unseen_without: Callable[[Ripple], Array]
     """`unseen` of torques without a ripple (at angles (samples, n), N·m (samples, n)): what recurs above the band is
     taken for a white error, and ripples may be there."""
-    restless: tuple[int, ...] = ()
-    """Joints whose friction is another one in each playing of a motion, and goes with nothing that was recorded."""
     tolerance: float | None = None
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
     bend: Array | None = None
@@ -138,12 +137,17 @@ def weighed(
     rows = playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces]))
     drifting = drifts(design, pieces, grid, repeats, rows, lambda own: repeated_noise(own, unseen, exact))
     noise = repeated_noise(rows := drifting.left, unseen, exact)
+    restless = drifting.restless
     if noise is None:
-        plain = Noise.none(len(grid.channels))
-        noise = assumed_noise(
-            [stretch_rows(design, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
+        plain, wide = Noise.none(len(grid.channels)), with_all_own(design, recordings)
+        noise, courses = assumed_noise(
+            [stretch_rows(wide, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
             unseen + exact,
+            {k: wide.position[k, wide.own_frictions(k).ravel()] for k in wide.restless if k not in design.restless},
         )
+        restless = {k: spread_of(own) for k, own in courses.items()}
+    if restless:
+        design = with_own_frictions(design, restless | spreads_of(design), recordings)
     look = first_look(design, pieces, decimations, noise)
     holding = held(look, pieces, decimations, noise)
     rests = held_at(look, pieces, decimations, holding)
@@ -170,7 +174,6 @@ def weighed(
         cache(slow),
         recordings,
         unseen_without or (lambda ripple: unseen),
-        restless=drifting.restless,
     )
 
 

@@ -12,6 +12,7 @@ from estimator.diagnosis.evidence.conditional import Conditional, within_limits
 from estimator.diagnosis.evidence.design import Candidate, Design
 from estimator.diagnosis.evidence.gathered import Evidence
 from estimator.diagnosis.evidence.grams import Block, sum_up, total
+from estimator.diagnosis.evidence.own_frictions import by_other_recordings
 from estimator.diagnosis.evidence.own_shapes import own_shapes, shaped_by_coefficients, value_of
 from estimator.diagnosis.evidence.scanning import scanned
 from estimator.diagnosis.evidence.scores import Scores
@@ -123,6 +124,7 @@ def refine(
     size = design.given + sum(len(c.columns) for c in candidates)
     whole = Conditional(Weighted(wide, block, weights), np.arange(size))
     covariance = _covariance(wide, whole, candidates, spans)
+    covariance[:size, :size] += by_other_recordings(whole)
     own, block = pass_over(candidates)
     model = within_limits(Weighted(own, block, weights), own.candidates)
     return Refined(own, value_of(model), covariance, model)

@@ -169,7 +169,8 @@ def _precise(design: Design, tolerance: float) -> Array:
 def _punctual(design: Design, share: float) -> Array:
     """The design's precision with the channels' timings known to a share of their tolerance."""
     precision, rank = design.precision.copy(), design.base.rank
-    precision[rank:, rank:] /= share**2
+    timings = slice(rank, rank + len(design.channels))
+    precision[timings, timings] /= share**2
     return precision
 
 

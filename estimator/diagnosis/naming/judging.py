@@ -25,6 +25,7 @@ from estimator.diagnosis.naming.late_torques import late_alike, with_late_torque
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.one_line import of_one_line
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
+from estimator.diagnosis.naming.restless import with_restless_frictions
 from estimator.diagnosis.naming.rivals import AMBIGUOUS
 from estimator.diagnosis.naming.search import Search
 from estimator.diagnosis.naming.shared import beside_shared
@@ -78,15 +79,18 @@ class Judged:
 def judge(evidence: Evidence) -> Judged:
     """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave;
     where their laws go with torques that the given links do not have, with those that were fitted; where frictions
-    leave what falls behind the speed, and torques what recurs with the angle, with laws of these; where torques are
-    late, with the motion that they answer to; and where their shapes on the grid are not sharp enough, with those that
-    fit best."""
+    leave what falls behind the speed, or are others in each recording, and torques what recurs with the angle, with
+    these; where torques are late, with the motion that they answer to; and where their shapes on the grid are not sharp
+    enough, with those that fit best."""
     evidence, found = _under_its_noise(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
     if (other := with_bent_frictions(evidence, found.scores, refined)) is not None:
+        evidence, found = _under_its_noise(other)
+        stood, refined = _standing(found)
+    if (other := with_restless_frictions(evidence, found.scores, stood, refined)) is not None:
         evidence, found = _under_its_noise(other)
         stood, refined = _standing(found)
     for _ in range(_FINER):

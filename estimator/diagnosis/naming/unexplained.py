@@ -14,6 +14,7 @@ from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.evidence.torques import torque_channels
 from estimator.diagnosis.naming.admission import Admission
 from estimator.diagnosis.naming.lack_of_fit import misfits
+from estimator.diagnosis.naming.restless import restless
 from estimator.diagnosis.naming.ringing import ringing
 from estimator.diagnosis.telling.answer import Finding, Unexplained
 from estimator.effects import catalogue
@@ -54,6 +55,9 @@ def unexplained_by(
         left = Unexplained(min(share, 1.0), f"as by {name}, in one part of the motions alone")
         if share > FORM:
             result.setdefault(evidence.grid.channels[channel].index, left)
+    for joint, own in restless(refined, scores).items():
+        if joint not in result or own.share > result[joint].share:
+            result[joint] = own
     return result | without_name(nameless)
 
 

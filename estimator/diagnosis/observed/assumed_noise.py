@@ -7,7 +7,7 @@ frequency, and what it does leave is counted by that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,33 +23,48 @@ from estimator.diagnosis.observed.noise import (
 )
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 _TOLD = 1e-9
 """Of the largest singular value: smaller ones are rounding."""
 _BANDS = 12
 """Of equal width, up to the highest frequency of the rows."""
+_MUCH = 0.2
+"""Of what the model leaves, what columns that no hypothesis has must explain to be the model's: it has a part of them
+anyway, and as few others would explain less than a hundredth."""
 _LEAST_LEFT = 0.15
 """Of a band: where the model leaves less of a white noise, the next band that it leaves more of speaks for it."""
 
 
-def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
+def assumed_noise(
+    stretches: Sequence[Sequence[Array]], unseen: Array, own: Mapping[int, Indices] | None = None
+) -> tuple[Noise, dict[int, Array]]:
     """Without repeats: what the richest linear model leaves, widened.
 
     ``stretches`` hold for each channel (columns + 1, rows), the residual last. The model takes the principal directions
     of all hypotheses' columns, as many as a third of the rows: it swallows the effects. ``unseen`` (channels,
-    ORDER + 1) is the autocovariance of errors that the model may have swallowed too.
+    ORDER + 1) is the autocovariance of errors that the model may have swallowed too. ``own``: by channel, which columns
+    no hypothesis has; they are the model's too where they explain much of what it leaves without them, and of these
+    channels what they have of each such column comes second.
     """
-    covariance, freedom = np.empty((len(stretches[0]), ORDER + 1)), np.inf
+    covariance, freedom, explained = np.empty((len(stretches[0]), ORDER + 1)), np.inf, {}
     for channel in range(len(covariance)):
         parts = [stretch[channel] for stretch in stretches]
         rows = np.concatenate(parts, axis=1)
-        kept = _richest(rows[:-1])
-        residual = rows[-1] - (rows[-1] @ kept.T) @ kept
+        apart = np.zeros(0, dtype=np.intp) if own is None else own.get(channel, np.zeros(0, dtype=np.intp))
+        kept = _richest(np.delete(rows[:-1], apart, axis=0))
+        residual = _without(rows[[-1]], kept)
+        beside = _without(rows[apart], kept)
+        more = _richest(beside)
+        left = _without(residual, more)
+        if np.sum(left**2) < (1.0 - _MUCH) * np.sum(residual**2):
+            explained[channel] = np.linalg.lstsq(beside.T, residual[0], rcond=_TOLD)[0]
+            kept, residual = np.vstack([kept, more]), left
         edges = np.cumsum([part.shape[1] for part in parts])[:-1]
         covariance[channel] = _autocovariance(np.split(np.vstack([kept, residual]), edges, axis=1))
         freedom = min(freedom, float(rows.shape[1] - len(kept)))
     covariance = WIDENED**2 * covariance + unseen
-    return Noise(
+    noise = Noise(
         filters=np.array([autoregressive(row, freedom, ASSUMED_ORDER) for row in covariance]),
         rms=np.sqrt(covariance[:, 0]),
         degrees_of_freedom=0.0,
@@ -57,6 +72,12 @@ def assumed_noise(stretches: Sequence[Sequence[Array]], unseen: Array) -> Noise:
         news=np.ones(len(covariance)),
         past=ASSUMED_ORDER,
     )
+    return noise, explained
+
+
+def _without(rows: Array, directions: Array) -> Array:
+    """(k, rows) less what orthonormal directions have of them."""
+    return np.asarray(rows - (rows @ directions.T) @ directions)
 
 
 def _richest(columns: Array) -> Array:

@@ -112,8 +112,8 @@ def test_a_friction_that_is_another_one_in_each_playing_is_told(
         tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + NOISE * random.normal(size=q.shape)
         tau[:, 1] += (5.0 - 0.4 * number) * dq[:, 1]
         recordings.append(Trajectory(t, q + 1e-6 * random.normal(size=q.shape), tau))
-    assert gather(body, recordings, 0.05).restless == (1,)
+    assert gather(body, recordings, 0.05).design.restless == (1,)
     found = diagnose(body, recordings)
     assert {(f.effect, f.place.joint) for f in found.findings} == {("viscous_friction", 1)}
     (note,) = (note for note in found.notes if "another one in each" in note)
-    assert f"the friction of {body.joints[1]}," in note
+    assert f"the friction of {body.joints[1]} is" in note

@@ -75,6 +75,14 @@ def test_evidence_is_the_ratio_of_marginal_likelihoods(design: Design, rows: Arr
     assert log_evidence(whole, columns, prior) == pytest.approx(expected, abs=1e-5)
 
 
+def test_evidence_tells_what_the_given_model_is_known_to(design: Design, rows: Array) -> None:
+    whole, _ = models(design, rows)
+    other = design.believed(25.0 * design.precision)
+    expected = marginal(other, rows, None) - marginal(design, rows, None)
+    known = Conditional(whole.told.believed(other.precision), whole.active)
+    assert known.log_evidence - whole.log_evidence == pytest.approx(expected, abs=1e-5)
+
+
 def test_left_out_rows_are_predicted_by_those_that_stay(design: Design, rows: Array) -> None:
     """A fold in which a parameter shows that no other fold tells is predicted widely, not wrongly."""
     whole, staying = models(design, rows)

@@ -50,7 +50,8 @@ def test_columns_that_say_the_same_but_for_rounding_swallow_no_noise() -> None:
     mixed = random.normal(size=(150, 20)) @ columns
     unseen = np.zeros((1, ORDER + 1))
     alone, doubled = (
-        assumed_noise([[np.vstack([*rows, residual])]], unseen) for rows in ([columns], [columns, mixed, 3.0 * columns])
+        assumed_noise([[np.vstack([*rows, residual])]], unseen)[0]
+        for rows in ([columns], [columns, mixed, 3.0 * columns])
     )
     assert doubled.rms == pytest.approx(alone.rms, rel=1e-9)
     assert doubled.filters == pytest.approx(alone.filters, rel=1e-6, abs=1e-9)
@@ -64,7 +65,8 @@ def test_noise_that_the_columns_swallow_is_told_by_what_they_leave(pole: float) 
     columns = slow_columns(random)
     noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], random.normal(size=(40, ROWS + 200)), axis=1)[:, 200:]
     whitened = [
-        assumed_noise([[np.vstack([columns, own])]], np.zeros((1, ORDER + 1))).whiten(0, own[None])[0] for own in noise
+        assumed_noise([[np.vstack([columns, own])]], np.zeros((1, ORDER + 1)))[0].whiten(0, own[None])[0]
+        for own in noise
     ]
     assert below(np.array(whitened), 1.0) == pytest.approx(1.0 / WIDENED**2, rel=0.15)
     assert below(np.array(whitened), 0.2) < 1.0
@@ -75,7 +77,7 @@ def test_noise_that_the_columns_swallow_is_told_by_what_they_leave(pole: float) 
 
 def test_a_model_without_columns_leaves_all_noise() -> None:
     noise = np.random.default_rng(1).normal(size=(1, 4000))
-    found = assumed_noise([[noise]], np.zeros((1, ORDER + 1)))
+    found, _ = assumed_noise([[noise]], np.zeros((1, ORDER + 1)))
     assert isinstance(found, Noise)
     assert found.rms[0] == pytest.approx(WIDENED, rel=0.05)
     # What a filter looks back at is lost to short recordings.

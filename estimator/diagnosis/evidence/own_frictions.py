@@ -1,0 +1,136 @@
+"""Frictions of which each recording has its own: how much they differ, and what that explains.
+
+A joint that warmed up between two recordings rubs less in the second, and nothing that was recorded says by how much.
+Such frictions are unknowns of the given model, with a variance that the recordings tell (maximum likelihood of the
+second type by expectation and maximisation; Dempster, Laird and Rubin 1977). They differ about none: what recordings
+have in common is the causes'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from estimator.diagnosis.evidence.conditional import Conditional
+from estimator.diagnosis.evidence.design import Design
+from estimator.diagnosis.evidence.grams import Block, sum_up, total
+from estimator.diagnosis.evidence.weighted import Weighted
+from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.observed.own_friction import OWN, own_friction
+from estimator.diagnosis.observed.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 20
+_LEAST = 1e-6
+"""Of a joint's rms torque: what spends less does not differ."""
+_NONE = 1e12
+"""Times more than the others their mean over the recordings is known: it is nothing."""
+
+
+def restless_design(
+    design: Design,
+    channels: Collection[int],
+    recordings: int,
+    pieces: Sequence[Stretch],
+    decimations: Sequence[int],
+    noise: Noise,
+    weights: Array,
+) -> tuple[Design, Conditional, Block]:
+    """The design with frictions of their own in each recording for these torques, believed to differ as much as the
+    recordings tell beside its candidates; all of it fitted, and the products that it was fitted to."""
+    most = {channel: _size(design, channel, pieces) for channel in channels}
+    own = with_own_frictions(design, most, recordings)
+    own = own.believed(apart_by(own))
+    block = total(sum_up(own, pieces, decimations, noise))
+    told = Weighted(own, block, weights)
+    for _ in range(_ROUNDS):
+        model = Conditional(told, np.arange(own.size))
+        spent = np.square(model.value) + np.diag(model.covariance)
+        spreads = {}
+        for channel in channels:
+            # Of the courses as much as of the recordings, for they are orthonormal.
+            mean = np.sqrt(spent[own.own_frictions(channel)[:-1]].mean(axis=0))
+            spreads[channel] = np.maximum(mean, _LEAST * most[channel])
+        own = own.believed(_with_spreads(own, spreads))
+        told = told.believed(own.precision)
+    return own, Conditional(told, np.arange(own.size)), block
+
+
+def with_own_frictions(design: Design, spreads: Mapping[int, Array], recordings: int) -> Design:
+    """The design with frictions of their own in each recording for some torques, of the standard deviations
+    ``spreads`` (OWN,); those that it had are replaced."""
+    known = design.base.rank + len(design.channels)
+    wide = replace(design, restless=tuple(sorted(spreads)), recordings=recordings)
+    precision = block_diag(design.precision[:known, :known], np.zeros((wide.given - known,) * 2))
+    wide = replace(wide, precision=precision)
+    return replace(wide, precision=_with_spreads(wide, spreads, _NONE)).with_candidates(design.candidates)
+
+
+def with_all_own(design: Design, recordings: int) -> Design:
+    """The design with own frictions of all torques, of any size; of a single recording, as it is."""
+    if recordings < 2:
+        return design
+    torques = [k for k, channel in enumerate(design.channels) if channel.equation == "torque"]
+    return with_own_frictions(design, {k: np.ones(OWN) for k in torques}, recordings)
+
+
+def spread_of(courses: Array) -> Array:
+    """(OWN,) standard deviations of own frictions of which each course has so much (OWN·(recordings + 1),), that which
+    all recordings have being the causes'."""
+    value = courses.reshape(-1, OWN)[1:-1]
+    return np.asarray(np.sqrt(np.maximum(np.mean(value**2, axis=0), np.finfo(float).tiny)))
+
+
+def spreads_of(design: Design) -> dict[int, Array]:
+    """By restless torque, the standard deviations (OWN,) that its own frictions are believed to have."""
+    told = np.diag(design.precision)
+    return {channel: told[design.own_frictions(channel)[-1]] ** -0.5 for channel in design.restless}
+
+
+def apart_by(design: Design) -> Array:
+    """The design's precision where own frictions may have a mean beside the causes'."""
+    return _with_spreads(design, spreads_of(design))
+
+
+def by_other_recordings(model: Conditional) -> Array:
+    """(active, active) covariance that the unknowns have besides, as they would be others of other recordings: what
+    takes up the mean of frictions of which these were drawn."""
+    design = model.design
+    result = np.zeros((len(model.active),) * 2)
+    for channel, spread in spreads_of(design).items():
+        mean = design.own_frictions(channel)[0]
+        response = model.solve(model.told.of_active(model.active, mean)) * spread
+        result += response @ response.T
+    return result
+
+
+def of_own_frictions(model: Conditional, channel: int) -> float:
+    """Mean square of what a restless torque's own frictions spend, in the noise's variance."""
+    design, block = model.design, model.told.block
+    own = design.own_frictions(channel).ravel()
+    value = model.value[own]
+    places = design.position[channel, own]
+    return float(value @ block.grams[channel][np.ix_(places, places)] @ value) / block.rows
+
+
+def _with_spreads(design: Design, spreads: Mapping[int, Array], of_mean: float = 1.0) -> Array:
+    """The design's precision with own frictions of these standard deviations, ``of_mean`` times that of their mean."""
+    precision = design.precision.copy()
+    for channel, spread in spreads.items():
+        own = design.own_frictions(channel)
+        precision[own, own] = spread**-2.0
+        precision[own[0], own[0]] *= of_mean
+    return precision
+
+
+def _size(design: Design, channel: int, pieces: Sequence[Stretch]) -> Array:
+    """(OWN,) of the frictions that would be all of a torque."""
+    joint = design.channels[channel].index
+    torque = np.sqrt(np.mean([piece.power[channel] for piece in pieces]))
+    columns = np.concatenate([own_friction(piece.signals, joint) for piece in pieces])
+    return np.asarray(torque / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny))

@@ -1,0 +1,151 @@
+"""Frictions that are others in each recording: what they differ by is told, and hides nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimator import RigidBody, Trajectory, inverse_dynamics
+from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.evidence.conditional import Conditional
+from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.grams import Block
+from estimator.diagnosis.evidence.own_frictions import (
+    apart_by,
+    of_own_frictions,
+    restless_design,
+    spreads_of,
+    with_own_frictions,
+)
+from estimator.diagnosis.naming.restless import RESTLESS
+from estimator.diagnosis.observed.own_friction import courses
+from estimator.diagnosis.telling.answer import Diagnosis, Finding
+
+Array = NDArray[np.float64]
+Periodic = Callable[..., tuple[Array, Array, Array, Array]]
+Torque = Callable[[Array, Array, Array], Array]
+NOISE, SECONDS, RATE, RECORDINGS = 0.05, 10.0, 200.0, 8
+DRY, VISCOUS = 3.0, 5.0
+FALLING = 1.0 - 0.3 * (1.0 - np.exp(-np.arange(RECORDINGS) / 3.0))
+"""Of the first recording's friction, that of each."""
+SCATTERED = 1.0 + 0.15 * np.random.default_rng(8).normal(size=RECORDINGS)
+
+
+def played(
+    body: RigidBody, make_periodic: Periodic, shares: Array, beside: Torque | None = None, motions: int = RECORDINGS
+) -> list[Trajectory]:
+    """Recordings of so many ``motions``, in turn, of which each has its share of a friction of the second joint;
+    ``beside``: another torque there, N·m of q, dq and ddq."""
+    random, recordings = np.random.default_rng(3), []
+    for number, share in enumerate(shares):
+        t, q, dq, ddq = make_periodic(2, SECONDS, RATE, number % motions)
+        tau = inverse_dynamics(body, body.prior(), q, dq, ddq) + NOISE * random.normal(size=q.shape)
+        tau[:, 1] += share * (DRY * np.tanh(dq[:, 1] / 0.01) + VISCOUS * dq[:, 1])
+        if beside is not None:
+            tau[:, 1] += beside(q[:, 1], dq[:, 1], ddq[:, 1])
+        recordings.append(Trajectory(t, q + 1e-6 * random.normal(size=q.shape), tau, name=f"recording {number}"))
+    return recordings
+
+
+def told(found: Diagnosis) -> dict[str, Finding]:
+    return {finding.effect: finding for finding in found.findings}
+
+
+def fitted_beside(evidence: Evidence, channels: Sequence[int]) -> tuple[Design, Conditional, Block]:
+    """With a dry and a viscous friction of each joint."""
+    plain: dict[int, Candidate] = {}
+    for candidate in evidence.design.candidates:
+        if evidence.design.hypotheses[candidate.hypothesis].effect.name in ("coulomb_friction", "viscous_friction"):
+            plain.setdefault(candidate.hypothesis, candidate)
+    design = evidence.design.with_candidates(list(plain.values()))
+    shown = evidence.pieces, evidence.decimations, evidence.noise, np.ones(len(design.channels))
+    return restless_design(design, channels, evidence.recordings, *shown)
+
+
+@pytest.mark.parametrize("shares", [FALLING, SCATTERED])
+def test_recordings_tell_by_how_much_frictions_differ(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic, shares: Array
+) -> None:
+    evidence = gather(make_chain("rr"), played(make_chain("rr"), make_periodic, shares), 0.05)
+    own, model, _ = fitted_beside(evidence, [0, 1])
+    for spread, friction in zip(spreads_of(own)[1], (DRY, VISCOUS), strict=True):
+        assert spread == pytest.approx(friction * np.std(shares), rel=0.35)
+    value = (courses(RECORDINGS) @ model.value[own.own_frictions(1)])[:-1]
+    np.testing.assert_allclose(value - value.mean(axis=0), np.outer(shares - shares.mean(), (DRY, VISCOUS)), atol=0.2)
+    # A recording that was not made has none yet, and the joint that does not rub has none to differ.
+    np.testing.assert_allclose(model.value[own.own_frictions(1)[-1]], 0.0)
+    assert of_own_frictions(model, 0) < 0.05 * of_own_frictions(model, 1)
+
+
+def test_what_all_recordings_have_is_not_their_own(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """Else they would stand for the friction itself, and that would be a trifle: but for what motions of different
+    vigour weigh differently."""
+    body = make_chain("rr")
+    evidence = gather(body, played(body, make_periodic, np.ones(RECORDINGS)), 0.05)
+    own, model, _ = fitted_beside(evidence, [1])
+    spreads = {1: np.array([DRY, VISCOUS])}
+    wide = with_own_frictions(own, spreads, evidence.recordings)
+    assert np.allclose(spreads_of(wide)[1], spreads[1])
+    given = np.arange(own.given)
+    explained = {}
+    for name, precision in (("none", wide.precision), ("any", apart_by(wide))):
+        alone = Conditional(model.told.believed(precision), given)
+        explained[name] = of_own_frictions(alone, 1)
+    assert explained["none"] < 0.3 * explained["any"]
+
+
+def test_frictions_alike_are_not_told_apart(make_chain: Callable[..., RigidBody], make_periodic: Periodic) -> None:
+    body = make_chain("rr")
+    found = diagnose(body, played(body, make_periodic, np.ones(RECORDINGS)))
+    assert {(f.effect, f.place.joint, f.status) for f in found.findings} == {
+        ("coulomb_friction", 1, "named"),
+        ("viscous_friction", 1, "named"),
+    }
+    assert not any("another one in each" in note for note in found.notes)
+    assert not found.unexplained
+
+
+@pytest.mark.parametrize("motions", [RECORDINGS, RECORDINGS // 2])
+@pytest.mark.parametrize("shares", [FALLING, SCATTERED])
+def test_they_hide_no_spring_and_widen_the_errors(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic, shares: Array, motions: int
+) -> None:
+    """Of half the size of what the frictions differ by, whether each motion was played once or twice."""
+    body = make_chain("rr")
+    found = diagnose(body, played(body, make_periodic, shares, lambda q, dq, ddq: 1.5 * (q - 0.3), motions))
+    by_name = told(found)
+    assert set(by_name) == {"coulomb_friction", "viscous_friction", "joint_spring"}
+    assert {finding.place.joint for finding in found.findings} == {1}
+    spring = by_name["joint_spring"]
+    assert spring.status == "named"
+    for effect, parameter, true, spread in (
+        ("joint_spring", "stiffness", 1.5, 0.0),
+        ("coulomb_friction", "level", DRY * shares.mean(), DRY * shares.std()),
+        ("viscous_friction", "coefficient", VISCOUS * shares.mean(), VISCOUS * shares.std()),
+    ):
+        quantity = by_name[effect].parameters[parameter]
+        value, error = float(quantity.value), float(quantity.standard_error)
+        assert abs(value - true) < 3.0 * error
+        assert error > 0.5 * spread / np.sqrt(RECORDINGS)
+    (note,) = (note for note in found.notes if "another one in each recording" in note)
+    assert f"the friction of {body.joints[1]} is" in note
+    assert all(left.signature == RESTLESS for left in found.unexplained.values())
+
+
+def test_what_was_held_out_has_the_mean_friction(make_chain: Callable[..., RigidBody], make_periodic: Periodic) -> None:
+    """And not that of the recording with its number."""
+    body, shares = make_chain("rr"), np.append(1.6, SCATTERED[1:])
+    judging = played(body, make_periodic, np.array([1.6]))
+    found = diagnose(body, played(body, make_periodic, shares), judging)
+    assert any("another one in each recording" in note for note in found.notes)
+    _, _, dq, _ = make_periodic(2, SECONDS, RATE, 0)
+    missed = (1.6 - shares.mean()) * (DRY * np.tanh(dq[:, 1] / 0.01) + VISCOUS * dq[:, 1])
+    # Over both joints, of which the other has the noise alone.
+    assert found.held_out.after == pytest.approx(np.sqrt(0.5 * np.mean(missed**2)), rel=0.15)
+    assert found.traces.recording == 0
