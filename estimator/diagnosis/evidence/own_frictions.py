@@ -26,8 +26,8 @@ from estimator.diagnosis.observed.stretches import Stretch
 Array = NDArray[np.float64]
 
 _ROUNDS = 20
-_LEAST = 1e-6
-"""Of a joint's rms torque: what spends less does not differ."""
+_LEAST = 1e-9
+"""N·m, N·m·s/rad: by less nothing differs. rms of a torque, or of a friction of size one, of a joint that stands."""
 _NONE = 1e12
 """Times more than the others their mean over the recordings is known: it is nothing."""
 
@@ -54,8 +54,7 @@ def restless_design(
         spreads = {}
         for channel in channels:
             # Of the courses as much as of the recordings, for they are orthonormal.
-            mean = np.sqrt(spent[own.own_frictions(channel)[:-1]].mean(axis=0))
-            spreads[channel] = np.maximum(mean, _LEAST * most[channel])
+            spreads[channel] = np.sqrt(spent[own.own_frictions(channel)[:-1]].mean(axis=0))
         own = own.believed(_with_spreads(own, spreads))
         told = told.believed(own.precision)
     return own, Conditional(told, np.arange(own.size)), block
@@ -82,8 +81,7 @@ def with_all_own(design: Design, recordings: int) -> Design:
 def spread_of(courses: Array) -> Array:
     """(OWN,) standard deviations of own frictions of which each course has so much (OWN·(recordings + 1),), that which
     all recordings have being the causes'."""
-    value = courses.reshape(-1, OWN)[1:-1]
-    return np.asarray(np.sqrt(np.maximum(np.mean(value**2, axis=0), np.finfo(float).tiny)))
+    return np.asarray(np.sqrt(np.mean(courses.reshape(-1, OWN)[1:-1] ** 2, axis=0)))
 
 
 def spreads_of(design: Design) -> dict[int, Array]:
@@ -123,7 +121,7 @@ def _with_spreads(design: Design, spreads: Mapping[int, Array], of_mean: float =
     precision = design.precision.copy()
     for channel, spread in spreads.items():
         own = design.own_frictions(channel)
-        precision[own, own] = spread**-2.0
+        precision[own, own] = np.maximum(spread, _LEAST) ** -2.0
         precision[own[0], own[0]] *= of_mean
     return precision
 
@@ -131,6 +129,6 @@ def _with_spreads(design: Design, spreads: Mapping[int, Array], of_mean: float =
 def _size(design: Design, channel: int, pieces: Sequence[Stretch]) -> Array:
     """(OWN,) of the frictions that would be all of a torque."""
     joint = design.channels[channel].index
-    torque = np.sqrt(np.mean([piece.power[channel] for piece in pieces]))
+    torque = max(float(np.sqrt(np.mean([piece.power[channel] for piece in pieces]))), _LEAST)
     columns = np.concatenate([own_friction(piece.signals, joint) for piece in pieces])
-    return np.asarray(torque / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny))
+    return np.asarray(torque / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), _LEAST))
