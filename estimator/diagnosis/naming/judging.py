@@ -90,9 +90,7 @@ def judge(evidence: Evidence) -> Judged:
     if (other := with_bent_frictions(evidence, found.scores, refined)) is not None:
         evidence, found = _under_its_noise(other)
         stood, refined = _standing(found)
-    if (other := with_restless_frictions(evidence, found.scores, stood, refined)) is not None:
-        evidence, found = _under_its_noise(other)
-        stood, refined = _standing(found)
+    evidence, found, stood, refined = _with_restless(evidence, found, stood, refined)
     for _ in range(_FINER):
         if (other := with_fine_lines(evidence, found.scores, refined)) is None:
             break
@@ -103,6 +101,8 @@ def judge(evidence: Evidence) -> Judged:
             break
         evidence, found = other, searched(other)
         stood, refined = _standing(found)
+    # What was late may have looked like frictions that differ.
+    evidence, found, stood, refined = _with_restless(evidence, found, stood, refined)
     for _ in range(_SHARPER):
         sharp = sharpened(evidence, found, stood, refined)
         if sharp is None:
@@ -136,6 +136,17 @@ def judge(evidence: Evidence) -> Judged:
         named=named.only([number for number, is_known in enumerate(known) if is_known]),
         instead=tuple(_instead(scores, stood, seen)),
     )
+
+
+def _with_restless(
+    evidence: Evidence, found: Searched, stood: list[int], refined: Refined
+) -> tuple[Evidence, Searched, list[int], Refined]:
+    """What is found and stands beside frictions that are others in each recording, where there are any."""
+    other = with_restless_frictions(evidence, found.scores, stood, refined)
+    if other is None:
+        return evidence, found, stood, refined
+    evidence, found = _under_its_noise(other)
+    return evidence, found, *_standing(found)
 
 
 def _under_its_noise(evidence: Evidence) -> tuple[Evidence, Searched]:

@@ -40,8 +40,8 @@ def with_restless_frictions(
     evidence: Evidence, scores: Scores, chosen: Sequence[int], refined: Refined
 ) -> Evidence | None:
     """The evidence with frictions of their own in each recording, differing as much as they do beside the ``chosen``
-    causes, ``refined``: of the joints that had some, and of those where playings tell the noise, and these explain most
-    of what the causes leave, and more than any quantity does. None where nothing would change."""
+    causes, ``refined``: of the joints that had some and still do, and of those where playings tell the noise, and these
+    explain most of what the causes leave, and more than any quantity does. None where nothing would change."""
     design, recordings = evidence.design, evidence.recordings
     asked = torque_channels(design) if evidence.noise.playings else list(design.restless)
     if recordings < 2 or not asked:
@@ -54,14 +54,15 @@ def with_restless_frictions(
     # What goes with a quantity differs too, where motions do.
     of_quantities = {k: misfit.variance for k, misfit in misfits(scores, list(chosen)).items()}
     least = np.log(len(asked) / FALSE_ALARM)
-    found = {channel: spreads[channel] for channel in design.restless}
+    found = {k: spreads[k] for k in design.restless if of_own_frictions(model, k) > LEAST_SEEN}
     for channel in (k for k in asked if k not in design.restless):
         still = with_own_frictions(own, spreads | {channel: _STILL * spreads[channel]}, recordings)
         without = Conditional(model.told.believed(apart_by(still)), model.active)
         gain = model.log_evidence - without.log_evidence
         if gain > least and explained[channel] > max(_MOST * left[channel], of_quantities[channel], LEAST_SEEN):
             found[channel] = spreads[channel]
-    if all(k in before and np.all(np.abs(np.log(found[k] / before[k])) < _AS_MUCH) for k in found):
+    same = [k for k in found if k in before and np.all(np.abs(np.log(found[k] / before[k])) < _AS_MUCH)]
+    if len(same) == len(found) == len(before):
         return None
     wide = with_own_frictions(design, found, recordings)
     return weighed_again(evidence, wide, evidence.unseen, evidence.pieces, evidence.slow)

@@ -12,7 +12,7 @@ from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence.conditional import Conditional
 from estimator.diagnosis.evidence.design import Candidate, Design
-from estimator.diagnosis.evidence.gathered import Evidence, gather
+from estimator.diagnosis.evidence.gathered import Evidence, gather, weighed_again
 from estimator.diagnosis.evidence.grams import Block
 from estimator.diagnosis.evidence.own_frictions import (
     apart_by,
@@ -21,7 +21,9 @@ from estimator.diagnosis.evidence.own_frictions import (
     spreads_of,
     with_own_frictions,
 )
-from estimator.diagnosis.naming.restless import RESTLESS
+from estimator.diagnosis.evidence.refinement import fitted
+from estimator.diagnosis.naming.accuracy import searched
+from estimator.diagnosis.naming.restless import RESTLESS, with_restless_frictions
 from estimator.diagnosis.observed.own_friction import courses
 from estimator.diagnosis.telling.answer import Diagnosis, Finding
 
@@ -109,6 +111,21 @@ def test_frictions_alike_are_not_told_apart(make_chain: Callable[..., RigidBody]
     }
     assert not any("another one in each" in note for note in found.notes)
     assert not found.unexplained
+
+
+def test_what_was_taken_for_them_is_dropped_once_the_causes_leave_none(
+    make_chain: Callable[..., RigidBody], make_periodic: Periodic
+) -> None:
+    """As where torques were late, and are known to be."""
+    evidence = gather(make_chain("rr"), played(make_chain("rr"), make_periodic, np.ones(RECORDINGS), motions=4), 0.05)
+    design = with_own_frictions(evidence.design, {1: np.array([DRY, VISCOUS])}, RECORDINGS)
+    wide = weighed_again(evidence, design, evidence.unseen, evidence.pieces, evidence.slow)
+    found = searched(wide)
+    refined = fitted(wide, found.scores, found.chosen)
+    assert wide.design.restless == refined.design.restless == (1,)
+    without = with_restless_frictions(wide, found.scores, found.chosen, refined)
+    assert without is not None
+    assert without.design.restless == ()
 
 
 @pytest.mark.parametrize("motions", [RECORDINGS, RECORDINGS // 2])
