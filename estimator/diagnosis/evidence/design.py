@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 
@@ -79,7 +79,13 @@ class Design:
     """Of the torques with the drives off, where there is one."""
     restless: tuple[int, ...] = ()
     """Torques whose joint has a friction of its own in each recording."""
-    recordings: int = 0
+    vigour: Array = field(default_factory=lambda: np.zeros((0, 0, OWN)))
+    """(recordings, channels, OWN) energy of `own_friction` in each recording."""
+
+    @property
+    def recordings(self) -> int:
+        """Of which frictions may be told apart."""
+        return len(self.vigour)
 
     @property
     def given(self) -> int:
@@ -271,7 +277,7 @@ def _columns(design: Design, signals: Signals, recording: int) -> Iterator[tuple
         yield number, -slope[channel.equation][:, [channel.index]].T
         if number in design.restless:
             own = signals.lagged(own_friction(signals, channel.index)).T
-            yield number, (courses(design.recordings)[recording, :, None, None] * own).reshape(-1, signals.samples)
+            yield number, (courses(design.vigour[:, number])[recording, :, :, None] * own).reshape(-1, signals.samples)
     for number, of_one in groupby(design.candidates, key=lambda candidate: candidate.hypothesis):
         candidates, hypothesis = list(of_one), design.hypotheses[number]
         thetas = [candidate.theta for candidate in candidates]

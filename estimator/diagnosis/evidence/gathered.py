@@ -17,7 +17,13 @@ from estimator.diagnosis.evidence.first_look import first_look, held, held_at, s
 from estimator.diagnosis.evidence.folds import Folds, folds_of, parts_of
 from estimator.diagnosis.evidence.grams import Block, Sheet, sheets
 from estimator.diagnosis.evidence.maps import MAPS
-from estimator.diagnosis.evidence.own_frictions import spread_of, spreads_of, with_all_own, with_own_frictions
+from estimator.diagnosis.evidence.own_frictions import (
+    spread_of,
+    spreads_of,
+    vigour_of,
+    with_all_own,
+    with_own_frictions,
+)
 from estimator.diagnosis.observed.assumed_noise import assumed_noise
 from estimator.diagnosis.observed.drives_off import read_off
 from estimator.diagnosis.observed.first_body import first_body, has_bodies
@@ -134,12 +140,13 @@ def weighed(
     """
     exact = exactness(pieces)
     decimations = [grid.decimation(piece.signals.period) for piece in pieces]
+    design = replace(design, vigour=vigour_of(design, pieces, recordings))
     rows = playings(repeats, grid, lay(pieces, [piece.residual for piece in pieces]))
     drifting = drifts(design, pieces, grid, repeats, rows, lambda own: repeated_noise(own, unseen, exact))
     noise = repeated_noise(rows := drifting.left, unseen, exact)
     restless = drifting.restless
     if noise is None:
-        plain, wide = Noise.none(len(grid.channels)), with_all_own(design, recordings)
+        plain, wide = Noise.none(len(grid.channels)), with_all_own(design)
         noise, courses = assumed_noise(
             [stretch_rows(wide, piece, d, plain) for piece, d in zip(pieces, decimations, strict=True)],
             unseen + exact,
@@ -147,7 +154,7 @@ def weighed(
         )
         restless = {k: spread_of(own) for k, own in courses.items()}
     if restless:
-        design = with_own_frictions(design, restless | spreads_of(design), recordings)
+        design = with_own_frictions(design, restless | spreads_of(design))
     look = first_look(design, pieces, decimations, noise)
     holding = held(look, pieces, decimations, noise)
     rests = held_at(look, pieces, decimations, holding)

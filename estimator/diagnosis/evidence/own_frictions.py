@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 _ROUNDS = 20
 _LEAST = 1e-9
 """N·m, N·m·s/rad: by less nothing differs. rms of a torque, or of a friction of size one, of a joint that stands."""
+_SEVERAL = 4
+"""Recordings, of which none was played twice, that may tell frictions of their own: of fewer, of different speeds, the
+form of one friction looks like several."""
 _NONE = 1e12
 """Times more than the others their mean over the recordings is known: it is nothing."""
 
@@ -35,7 +38,6 @@ _NONE = 1e12
 def restless_design(
     design: Design,
     channels: Collection[int],
-    recordings: int,
     pieces: Sequence[Stretch],
     decimations: Sequence[int],
     noise: Noise,
@@ -44,7 +46,7 @@ def restless_design(
     """The design with frictions of their own in each recording for these torques, believed to differ as much as the
     recordings tell beside its candidates; all of it fitted, and the products that it was fitted to."""
     most = {channel: _size(design, channel, pieces) for channel in channels}
-    own = with_own_frictions(design, most, recordings)
+    own = with_own_frictions(design, most)
     own = own.believed(apart_by(own))
     block = total(sum_up(own, pieces, decimations, noise))
     told = Weighted(own, block, weights)
@@ -60,22 +62,32 @@ def restless_design(
     return own, Conditional(told, np.arange(own.size)), block
 
 
-def with_own_frictions(design: Design, spreads: Mapping[int, Array], recordings: int) -> Design:
+def with_own_frictions(design: Design, spreads: Mapping[int, Array]) -> Design:
     """The design with frictions of their own in each recording for some torques, of the standard deviations
     ``spreads`` (OWN,); those that it had are replaced."""
     known = design.base.rank + len(design.channels)
-    wide = replace(design, restless=tuple(sorted(spreads)), recordings=recordings)
+    wide = replace(design, restless=tuple(sorted(spreads)))
     precision = block_diag(design.precision[:known, :known], np.zeros((wide.given - known,) * 2))
     wide = replace(wide, precision=precision)
     return replace(wide, precision=_with_spreads(wide, spreads, _NONE)).with_candidates(design.candidates)
 
 
-def with_all_own(design: Design, recordings: int) -> Design:
-    """The design with own frictions of all torques, of any size; of a single recording, as it is."""
-    if recordings < 2:
+def vigour_of(design: Design, pieces: Sequence[Stretch], recordings: int) -> Array:
+    """`Design.vigour` of these recordings; of channels that are no torques, nothing."""
+    result = np.zeros((recordings, len(design.channels), OWN))
+    for piece in pieces:
+        for channel, told in enumerate(design.channels):
+            if told.equation == "torque":
+                result[piece.recording, channel] += np.sum(own_friction(piece.signals, told.index) ** 2, axis=0)
+    return result
+
+
+def with_all_own(design: Design) -> Design:
+    """The design with own frictions of all torques, of any size; of few recordings, as it is."""
+    if design.recordings < _SEVERAL:
         return design
     torques = [k for k, channel in enumerate(design.channels) if channel.equation == "torque"]
-    return with_own_frictions(design, {k: np.ones(OWN) for k in torques}, recordings)
+    return with_own_frictions(design, {k: np.ones(OWN) for k in torques})
 
 
 def spread_of(courses: Array) -> Array:

@@ -42,12 +42,12 @@ def with_restless_frictions(
     """The evidence with frictions of their own in each recording, differing as much as they do beside the ``chosen``
     causes, ``refined``: of the joints that had some and still do, and of those where playings tell the noise, and these
     explain most of what the causes leave, and more than any quantity does. None where nothing would change."""
-    design, recordings = evidence.design, evidence.recordings
+    design = evidence.design
     asked = torque_channels(design) if evidence.noise.playings else list(design.restless)
-    if recordings < 2 or not asked:
+    if design.recordings < 2 or not asked:
         return None
     shown = evidence.pieces, evidence.decimations, evidence.noise, scores.weights
-    own, model, block = restless_design(refined.design, asked, recordings, *shown)
+    own, model, block = restless_design(refined.design, asked, *shown)
     spreads, rows, before = spreads_of(own), block.rows, spreads_of(design)
     explained = (refined.model.squares() - model.squares()) / rows
     left = np.maximum(refined.model.squares() / rows - 1.0, 0.0)
@@ -56,7 +56,7 @@ def with_restless_frictions(
     least = np.log(len(asked) / FALSE_ALARM)
     found = {k: spreads[k] for k in design.restless if of_own_frictions(model, k) > LEAST_SEEN}
     for channel in (k for k in asked if k not in design.restless):
-        still = with_own_frictions(own, spreads | {channel: _STILL * spreads[channel]}, recordings)
+        still = with_own_frictions(own, spreads | {channel: _STILL * spreads[channel]})
         without = Conditional(model.told.believed(apart_by(still)), model.active)
         gain = model.log_evidence - without.log_evidence
         if gain > least and explained[channel] > max(_MOST * left[channel], of_quantities[channel], LEAST_SEEN):
@@ -64,7 +64,7 @@ def with_restless_frictions(
     same = [k for k in found if k in before and np.all(np.abs(np.log(found[k] / before[k])) < _AS_MUCH)]
     if len(same) == len(found) == len(before):
         return None
-    wide = with_own_frictions(design, found, recordings)
+    wide = with_own_frictions(design, found)
     return weighed_again(evidence, wide, evidence.unseen, evidence.pieces, evidence.slow)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, helmert
+from scipy.linalg import block_diag
 
 from estimator.effects import Signals
 
@@ -25,7 +25,18 @@ def own_friction(signals: Signals, joint: int) -> Array:
     return np.stack([signals.direction(joint, width), dq], axis=1)
 
 
-def courses(recordings: int) -> Array:
-    """(recordings + 1, recordings + 1) of each recording, and of any other, its part in orthonormal courses over the
-    recordings; the first is the same in all of them, and the last is the other's alone."""
-    return np.asarray(block_diag(helmert(recordings, full=True).T, np.eye(1)))
+def courses(vigour: Array) -> Array:
+    """(recordings + 1, recordings + 1, OWN) of each recording, and of any other, its part in orthonormal courses over
+    the recordings. The first goes with each part's ``vigour`` (recordings, OWN), its energy in each of them: what is
+    orthogonal to it looks like no friction that all recordings have. The last is the other's alone."""
+    result = []
+    for energy in vigour.T:
+        first = np.zeros(len(energy))
+        first[0] = 1.0
+        size = float(np.linalg.norm(energy))
+        aside = first - (energy / size if size > 0.0 else first)
+        turned = float(aside @ aside)
+        # The reflection that takes the first axis there.
+        own = np.eye(len(energy)) - (2.0 / turned * np.outer(aside, aside) if turned > 0.0 else 0.0)
+        result.append(block_diag(own, np.eye(1)))
+    return np.stack(result, axis=-1)
