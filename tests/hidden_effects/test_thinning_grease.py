@@ -18,6 +18,7 @@ from estimator import Trajectory, load_rigid_body
 from estimator.diagnosis.diagnose import diagnose
 from estimator.diagnosis.evidence.gathered import gather
 from estimator.diagnosis.naming.restless import RESTLESS
+from estimator.diagnosis.naming.rivals import AMBIGUOUS
 from virtual_hw.hidden.friction import Friction
 from virtual_hw.hidden.motor import Thermal
 
@@ -96,7 +97,10 @@ def test_without_its_temperature_it_falls_with_time_and_is_another_one_in_each_r
     found = diagnose(load_rigid_body(urdf.read_text()), [replace(one, temperature=None) for one in recordings])
     (friction,) = found.findings
     assert any("the friction of joint2 is another one in each recording" in note for note in found.notes)
-    assert (friction.effect, friction.status, found.verdict) == ("friction_drift", "named", "named")
+    assert (friction.effect, friction.place.joint) == ("friction_drift", 1)
+    # That it falls within a recording as well may be left open.
+    assert {a.effect for a in friction.alternatives if a.log_likelihood_gap < AMBIGUOUS} <= {"viscous_friction"}
+    assert found.verdict in ("named", "ambiguous")
     assert {left.signature for left in found.unexplained.values()} == {RESTLESS}
     initial, final = (friction.parameters[f"{end}_coefficient"] for end in ("initial", "final"))
     warmest = COEFFICIENT * (1.0 + PER_KELVIN * (WARM - COLD))
