@@ -23,7 +23,7 @@ from estimator.diagnosis.evidence.torques import (
 from estimator.diagnosis.naming.detectable import smallest_detectable
 from estimator.diagnosis.naming.judging import Judged, judge
 from estimator.diagnosis.naming.late_torques import as_fitted
-from estimator.diagnosis.naming.restless import RESTLESS, restless_note
+from estimator.diagnosis.naming.restless import restless_note
 from estimator.diagnosis.naming.unexplained import SIGNIFICANT, unexplained_by
 from estimator.diagnosis.observed.first_body import has_bodies
 from estimator.diagnosis.observed.noise import Noise
@@ -80,8 +80,7 @@ def diagnose(
 def verdict(findings: Sequence[Finding], unexplained: dict[int, Unexplained]) -> Verdict:
     """Of findings and of what no finding explains, by joint. That a friction is another one in each recording is no
     doubt about its name."""
-    nameless = [left for left in unexplained.values() if not left.signature.startswith(RESTLESS)]
-    if any(left.share > _WORTH_TELLING for left in nameless):
+    if any(left.nameless and left.share > _WORTH_TELLING for left in unexplained.values()):
         return "unknown"
     if not findings:
         return "clean"

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from estimator.diagnosis.evidence.conditional import Conditional
 from estimator.diagnosis.evidence.design import Design
-from estimator.diagnosis.evidence.grams import Block, sum_up, total
+from estimator.diagnosis.evidence.grams import sum_up, total
 from estimator.diagnosis.evidence.weighted import Weighted
 from estimator.diagnosis.observed.noise import Noise
 from estimator.diagnosis.observed.own_friction import OWN, own_friction
@@ -35,21 +35,20 @@ _NONE = 1e12
 """Times more than the others their mean over the recordings is known: it is nothing."""
 
 
-def restless_design(
+def fitted_with_own(
     design: Design,
     channels: Collection[int],
     pieces: Sequence[Stretch],
     decimations: Sequence[int],
     noise: Noise,
     weights: Array,
-) -> tuple[Design, Conditional, Block]:
-    """The design with frictions of their own in each recording for these torques, believed to differ as much as the
-    recordings tell beside its candidates; all of it fitted, and the products that it was fitted to."""
+) -> Conditional:
+    """All of the design fitted with frictions of their own in each recording for these torques, believed to differ as
+    much as the recordings tell beside its candidates."""
     most = {channel: _size(design, channel, pieces) for channel in channels}
     own = with_own_frictions(design, most)
     own = own.believed(apart_by(own))
-    block = total(sum_up(own, pieces, decimations, noise))
-    told = Weighted(own, block, weights)
+    told = Weighted(own, total(sum_up(own, pieces, decimations, noise)), weights)
     for _ in range(_ROUNDS):
         model = Conditional(told, np.arange(own.size))
         spent = np.square(model.value) + np.diag(model.covariance)
@@ -59,7 +58,7 @@ def restless_design(
             spreads[channel] = np.sqrt(spent[own.own_frictions(channel)[:-1]].mean(axis=0))
         own = own.believed(_with_spreads(own, spreads))
         told = told.believed(own.precision)
-    return own, Conditional(told, np.arange(own.size)), block
+    return Conditional(told, np.arange(own.size))
 
 
 def with_own_frictions(design: Design, spreads: Mapping[int, Array]) -> Design:

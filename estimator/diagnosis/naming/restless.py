@@ -13,8 +13,8 @@ from estimator.diagnosis.evidence.forms import FORM
 from estimator.diagnosis.evidence.gathered import Evidence, weighed_again
 from estimator.diagnosis.evidence.own_frictions import (
     apart_by,
+    fitted_with_own,
     of_own_frictions,
-    restless_design,
     spreads_of,
     with_own_frictions,
 )
@@ -47,8 +47,8 @@ def with_restless_frictions(
     if design.recordings < 2 or not asked:
         return None
     shown = evidence.pieces, evidence.decimations, evidence.noise, scores.weights
-    own, model, block = restless_design(refined.design, asked, *shown)
-    spreads, rows, before = spreads_of(own), block.rows, spreads_of(design)
+    model = fitted_with_own(refined.design, asked, *shown)
+    spreads, before, rows = spreads_of(model.design), spreads_of(design), model.told.block.rows
     explained = (refined.model.squares() - model.squares()) / rows
     left = np.maximum(refined.model.squares() / rows - 1.0, 0.0)
     # What goes with a quantity differs too, where motions do.
@@ -56,7 +56,7 @@ def with_restless_frictions(
     least = np.log(len(asked) / FALSE_ALARM)
     found = {k: spreads[k] for k in design.restless if of_own_frictions(model, k) > LEAST_SEEN}
     for channel in (k for k in asked if k not in design.restless):
-        still = with_own_frictions(own, spreads | {channel: _STILL * spreads[channel]})
+        still = with_own_frictions(model.design, spreads | {channel: _STILL * spreads[channel]})
         without = Conditional(model.told.believed(apart_by(still)), model.active)
         gain = model.log_evidence - without.log_evidence
         if gain > least and explained[channel] > max(_MOST * left[channel], of_quantities[channel], LEAST_SEEN):
@@ -76,7 +76,7 @@ def restless(refined: Refined, scores: Scores) -> dict[int, Unexplained]:
         spent = of_own_frictions(refined.model, channel)
         share = spent / max(float(before[channel]) - 1.0, spent, scores.noise_error)
         if share > FORM:
-            result[refined.design.channels[channel].index] = Unexplained(share, RESTLESS)
+            result[refined.design.channels[channel].index] = Unexplained(share, RESTLESS, nameless=False)
     return result
 
 

@@ -88,6 +88,8 @@ class Unexplained:
     share: float
     """Of the joint's explainable."""
     signature: str
+    nameless: bool = True
+    """Whether its cause has no name; else one that has is another one in each recording."""
 
 
 @dataclass(frozen=True)

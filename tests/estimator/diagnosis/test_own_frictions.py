@@ -6,25 +6,28 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.drives import with_drives
 from estimator.diagnosis.evidence.conditional import Conditional
-from estimator.diagnosis.evidence.design import Candidate, Design
+from estimator.diagnosis.evidence.design import Candidate
 from estimator.diagnosis.evidence.gathered import Evidence, gather, weighed_again
-from estimator.diagnosis.evidence.grams import Block
 from estimator.diagnosis.evidence.own_frictions import (
     apart_by,
+    fitted_with_own,
     of_own_frictions,
-    restless_design,
     spreads_of,
     with_own_frictions,
 )
 from estimator.diagnosis.evidence.refinement import fitted
 from estimator.diagnosis.naming.accuracy import searched
 from estimator.diagnosis.naming.restless import RESTLESS, with_restless_frictions
-from estimator.diagnosis.observed.own_friction import courses
+from estimator.diagnosis.observed.own_friction import OWN, courses
 from estimator.diagnosis.telling.answer import Diagnosis, Finding
 
 Array = NDArray[np.float64]
@@ -57,7 +60,7 @@ def told(found: Diagnosis) -> dict[str, Finding]:
     return {finding.effect: finding for finding in found.findings}
 
 
-def fitted_beside(evidence: Evidence, channels: Sequence[int]) -> tuple[Design, Conditional, Block]:
+def fitted_beside(evidence: Evidence, channels: Sequence[int]) -> Conditional:
     """With a dry and a viscous friction of each joint."""
     plain: dict[int, Candidate] = {}
     for candidate in evidence.design.candidates:
@@ -65,7 +68,7 @@ def fitted_beside(evidence: Evidence, channels: Sequence[int]) -> tuple[Design, 
             plain.setdefault(candidate.hypothesis, candidate)
     design = evidence.design.with_candidates(list(plain.values()))
     shown = evidence.pieces, evidence.decimations, evidence.noise, np.ones(len(design.channels))
-    return restless_design(design, channels, *shown)
+    return fitted_with_own(design, channels, *shown)
 
 
 @pytest.mark.parametrize("shares", [FALLING, SCATTERED])
@@ -73,7 +76,8 @@ def test_recordings_tell_by_how_much_frictions_differ(
     make_chain: Callable[..., RigidBody], make_periodic: Periodic, shares: Array
 ) -> None:
     evidence = gather(make_chain("rr"), played(make_chain("rr"), make_periodic, shares), 0.05)
-    own, model, _ = fitted_beside(evidence, [0, 1])
+    model = fitted_beside(evidence, [0, 1])
+    own = model.design
     for spread, friction in zip(spreads_of(own)[1], (DRY, VISCOUS), strict=True):
         assert spread == pytest.approx(friction * np.std(shares), rel=0.35)
     each = np.einsum("rcp,cp->rp", courses(own.vigour[:, 1]), model.value[own.own_frictions(1)])
@@ -84,20 +88,28 @@ def test_recordings_tell_by_how_much_frictions_differ(
     assert of_own_frictions(model, 0) < 0.05 * of_own_frictions(model, 1)
 
 
+@given(arrays(float, st.tuples(st.integers(2, 9), st.just(OWN)), elements=st.floats(0.0, 1e6)))
+def test_courses_are_orthonormal_and_only_the_first_goes_with_the_vigour(vigour: Array) -> None:
+    """So a joint that moves in one recording alone has no friction of its own there."""
+    for own, energy in zip(np.moveaxis(courses(vigour), -1, 0), vigour.T, strict=True):
+        np.testing.assert_allclose(own @ own.T, np.eye(len(energy) + 1), atol=1e-9)
+        np.testing.assert_allclose(energy @ own[:-1, 1:], 0.0, atol=1e-9 * max(float(energy.max()), 1.0))
+
+
 def test_what_all_recordings_have_is_not_their_own(
     make_chain: Callable[..., RigidBody], make_periodic: Periodic
 ) -> None:
     """Else they would stand for the friction itself, and that would be a trifle."""
     body = make_chain("rr")
     evidence = gather(body, played(body, make_periodic, np.ones(RECORDINGS)), 0.05)
-    own, model, _ = fitted_beside(evidence, [1])
+    model = fitted_beside(evidence, [1])
     spreads = {1: np.array([DRY, VISCOUS])}
-    wide = with_own_frictions(own, spreads)
+    wide = with_own_frictions(model.design, spreads)
     assert np.allclose(spreads_of(wide)[1], spreads[1])
-    given = np.arange(own.given)
+    links = np.arange(wide.given)
     explained = {}
     for name, precision in (("none", wide.precision), ("any", apart_by(wide))):
-        alone = Conditional(model.told.believed(precision), given)
+        alone = Conditional(model.told.believed(precision), links)
         explained[name] = of_own_frictions(alone, 1)
     assert explained["none"] < 0.1 * explained["any"]
 
@@ -166,3 +178,17 @@ def test_what_was_held_out_has_the_mean_friction(make_chain: Callable[..., Rigid
     # Over both joints, of which the other has the noise alone.
     assert found.held_out.after == pytest.approx(np.sqrt(0.5 * np.mean(missed**2)), rel=0.15)
     assert found.traces.recording == 0
+
+
+def test_drives_whose_frictions_differ_say_so(make_chain: Callable[..., RigidBody], make_periodic: Periodic) -> None:
+    """Between a motor and its joint's sensor."""
+    body = make_chain("rr")
+    sensors, motors = (played(body, make_periodic, share * SCATTERED) for share in (0.0, 1.0))
+    found = with_drives(diagnose(body, sensors), body, motors, sensors)
+    assert {(f.effect, f.place.joint, f.place.channel) for f in found.findings} == {
+        ("coulomb_friction", 1, "motor"),
+        ("viscous_friction", 1, "motor"),
+    }
+    assert any("another one in each recording" in note for note in found.notes)
+    assert found.unexplained[1].signature == f"{RESTLESS}, between its motor and its sensor"
+    assert found.verdict in ("named", "ambiguous")
