@@ -46,7 +46,7 @@ class FittedEffect:
     def lateness(self, body: RigidBody) -> Lateness:
         """What it makes be recorded late."""
         law = effect(self.name).of(self.parameters)
-        return law.lateness(body, self.place, law.fitted_theta(self.place, self.parameters, self.shape))
+        return law.lateness(body, self.place, law.fitted_unknowns(self.place, self.parameters, self.shape)[0])
 
     @property
     def measures_late(self) -> bool:

@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.transmission import IN_THE_LINK, ON_LINK, ON_MOTOR, SHARES, Transmission
+from estimator.effects.transmission import (
+    IN_THE_LINK,
+    MOTOR_BESIDE,
+    ON_LINK,
+    ON_MOTOR,
+    SHARES,
+    SIDES,
+    Transmission,
+    in_series,
+)
 from estimator.rigid_body import RigidBody
-from estimator.twin.plant import PlantDraft, Series
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -46,7 +55,7 @@ class Backlash(JointEffect):
     experiment = "reverse {joint} where gravity loads it, and where it does not"
 
     def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
-        return {2: (ON_MOTOR, ON_LINK)}
+        return {2: SIDES}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         at_motor = [[gap, share, ON_MOTOR] for gap in GAPS for share in (0.0, *IN_THE_LINK)]
@@ -64,7 +73,8 @@ class Backlash(JointEffect):
         if transmission.link_side:
             # A link in flight shows no torque, only the blow at its end; what the motor was given says how it flew.
             flying = np.full(signals.samples, transmission.motor_inertia)
-            pressing = signals.torque[:, joint] - flying * signals.ddq[:, joint]
+            if signals.tau is not None:
+                pressing = signals.tau[:, joint] - flying * signals.ddq[:, joint]
         if np.min(flying) <= 0.0:
             # A model without bodies says nothing of how a gap is crossed.
             return np.zeros((signals.samples, signals.body.n, 1))
@@ -81,13 +91,15 @@ class Backlash(JointEffect):
         gap = float(parameters["gap"])
         return np.array([gap if gap > 0.0 else GAPS[0], 0.0, ON_MOTOR]), np.array([gap])
 
+    def with_motor(self, theta: Array, inertia: float) -> Array | None:
+        return None if theta[2] == ON_MOTOR else np.array([theta[0], inertia, MOTOR_BESIDE])
+
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         self.simulate_fitted(place, parameters, plant, None)
 
     def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
         share, side = (0.0, ON_MOTOR) if shape is None else map(float, shape)
-        gap = float(parameters["gap"])
-        plant.add_series(self.joint(place), Series(gap=gap, motor_share=share, link_side=side == ON_LINK))
+        plant.add_series(self.joint(place), in_series(share, side, gap=float(parameters["gap"])))
 
 
 def play(acceleration: Array, period: float, gap: float) -> Array:

@@ -164,6 +164,11 @@ class Law(ABC):
         """theta with which one that is `factored` is as large as it is with these, its factor being one."""
         return theta
 
+    def with_motor(self, theta: Array, inertia: float) -> Array | None:
+        """theta of what lies between a motor of this ``inertia`` kg·m², which is beside the model's bodies, and a link
+        that has the encoder; None of all else."""
+        return None
+
     def timed(self, place: Place) -> int | None:
         """Of a law whose theta is the delay that its coefficient is too: the sign with which the timings of its
         channels add to that, 0 where none of them is this delay; None of all others."""
@@ -272,12 +277,12 @@ class Effect(Law):
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
         """theta (p,) and coefficients (c,) of the catalogue's parameters: the inverse of `parameters`."""
 
-    def fitted_theta(self, place: Place, parameters: Parameters, shape: Array | None) -> Array:
-        """theta of the catalogue's parameters and the `hidden` entries as they were fitted; sharp signs without."""
-        theta, _ = self.unknowns(place, parameters)
+    def fitted_unknowns(self, place: Place, parameters: Parameters, shape: Array | None) -> tuple[Array, Array]:
+        """`unknowns` with the `hidden` entries of theta as they were fitted; sharp signs without."""
+        theta, coefficients = self.unknowns(place, parameters)
         if shape is not None:
             theta[list(self.hidden)] = shape
-        return theta
+        return theta, coefficients
 
     def torque(self, place: Place, parameters: Parameters, signals: Signals, shape: Array | None = None) -> Array:
         """(samples, n) what an effect of the torque equation adds to the motors' torque along a motion, N·m.
@@ -286,7 +291,7 @@ class Effect(Law):
         """
         if self.equation_at(place) != "torque":
             return np.zeros_like(signals.q)
-        theta, coefficients = self.fitted_theta(place, parameters, shape), self.unknowns(place, parameters)[1]
+        theta, coefficients = self.fitted_unknowns(place, parameters, shape)
         result = np.zeros_like(signals.q)
         result[:, list(self.rows(signals.body, place))] = self.columns(place, signals, theta) @ coefficients
         return result

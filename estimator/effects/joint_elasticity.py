@@ -12,9 +12,18 @@ from numpy.typing import NDArray
 from estimator.effects.effect import JointEffect, Parameters, Place
 from estimator.effects.second_order import second_order_lag, swing
 from estimator.effects.signals import Scales, Signals
-from estimator.effects.transmission import IN_THE_LINK, ON_LINK, ON_MOTOR, SHARES, Transmission
+from estimator.effects.transmission import (
+    IN_THE_LINK,
+    MOTOR_BESIDE,
+    ON_LINK,
+    ON_MOTOR,
+    SHARES,
+    SIDES,
+    Transmission,
+    in_series,
+)
 from estimator.rigid_body import RigidBody
-from estimator.twin.plant import PlantDraft, Series
+from estimator.twin.plant import PlantDraft
 
 Array = NDArray[np.float64]
 
@@ -22,6 +31,8 @@ TO_BAND = (0.3, 1.0, 3.0, 10.0)
 """Resonances to try, as multiples of the band in which torques are compared."""
 RATIOS = (0.03, 0.3)
 """Damping ratios to try."""
+_LEAST_SHARE = 1e-6
+"""Of the joint's inertia, the motor's: without any, a link shows nothing of its spring."""
 
 
 class JointElasticity(JointEffect):
@@ -38,8 +49,9 @@ class JointElasticity(JointEffect):
     theta is ln k, the relaxation time d/k (they place resonance and damping), ``share``, ``side``. The coefficient is a
     free factor on δ, so that below the resonance, where only the size of δ tells, the stiffness is linear: k over the
     coefficient. A URDF's bodies are the links alone, those of a model that was identified hold the rotors too: both are
-    tried for an encoder on the motor. What a link encoder sees is the motor's inertia times 1/k, and the span of
-    ``share`` is part of the stiffness' error.
+    tried for an encoder on the motor. What a link encoder sees is the motor's inertia times 1/k: its coefficient is
+    that over the model's own inertia, and the span of ``share`` is part of the stiffness' error, unless the motor's
+    inertia is told beside the model's bodies (`with_motor`).
     """
 
     name = "joint_elasticity"
@@ -52,7 +64,7 @@ class JointElasticity(JointEffect):
     experiment = "let {joint} alone swing in a chirp up to its resonance"
 
     def choices_at(self, place: Place) -> Mapping[int, tuple[float, ...]]:
-        return {3: (ON_MOTOR, ON_LINK)}
+        return {3: SIDES}
 
     def grid(self, place: Place, scales: Scales) -> Array:
         joint = self.joint(place)
@@ -85,7 +97,7 @@ class JointElasticity(JointEffect):
             restoring = stiffness + np.maximum(by_q[:, joint, joint], -0.5 * stiffness)
             damping = relaxation * stiffness + by_dq[:, joint, joint]
             give = swing(transmission.torque, signals.period, transmission.link_inertia, damping, restoring)
-        return transmission.torque_of(signals, joint, give)[:, :, None]
+        return transmission.torque_of(signals, joint, give)[:, :, None] / _told_for(theta)
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         return self.nonnegative(1)
@@ -97,7 +109,8 @@ class JointElasticity(JointEffect):
         return np.array([theta[0] - math.log(coefficients[0]), *theta[1:]])
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
-        stiffness = math.exp(theta[0]) / float(coefficients[0]) if coefficients[0] > 0.0 else math.inf
+        factor = float(coefficients[0]) / _told_for(theta)
+        stiffness = math.exp(theta[0]) / factor if factor > 0.0 else math.inf
         return {"stiffness": stiffness, "damping": float(theta[1]) * stiffness}
 
     def unknowns(self, place: Place, parameters: Parameters) -> tuple[Array, Array]:
@@ -106,13 +119,26 @@ class JointElasticity(JointEffect):
             return np.array([0.0, 0.0, 0.0, ON_MOTOR]), np.zeros(1)
         return np.array([math.log(stiffness), damping / stiffness, 0.0, ON_MOTOR]), np.ones(1)
 
+    def fitted_unknowns(self, place: Place, parameters: Parameters, shape: Array | None) -> tuple[Array, Array]:
+        theta, coefficients = super().fitted_unknowns(place, parameters, shape)
+        return theta, coefficients * _told_for(theta)
+
+    def with_motor(self, theta: Array, inertia: float) -> Array | None:
+        return None if theta[3] == ON_MOTOR else np.array([*theta[:2], inertia, MOTOR_BESIDE])
+
     def simulate(self, place: Place, parameters: Parameters, plant: PlantDraft) -> None:
         self.simulate_fitted(place, parameters, plant, None)
 
     def simulate_fitted(self, place: Place, parameters: Parameters, plant: PlantDraft, shape: Array | None) -> None:
         stiffness, damping = (float(parameters[name]) for name in self.units)
         share, side = (0.0, ON_MOTOR) if shape is None else map(float, shape)
-        plant.add_series(self.joint(place), Series(stiffness, damping, motor_share=share, link_side=side == ON_LINK))
+        plant.add_series(self.joint(place), in_series(share, side, stiffness=stiffness, damping=damping))
+
+
+def _told_for(theta: Array) -> float:
+    """The motor's inertia that a coefficient of one has, in units of its column's: a share that is not told is no part
+    of what is."""
+    return max(float(theta[2]), _LEAST_SHARE) if theta[3] == ON_LINK else 1.0
 
 
 EFFECT = JointElasticity()

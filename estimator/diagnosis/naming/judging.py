@@ -23,6 +23,7 @@ from estimator.diagnosis.naming.joint_or_arm import beside_joint_or_arm, of_join
 from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
+from estimator.diagnosis.naming.motors_beside import with_motors_beside
 from estimator.diagnosis.naming.one_line import of_one_line
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.restless import with_restless_frictions
@@ -190,7 +191,8 @@ def _standing(found: Searched) -> tuple[list[int], Refined]:
     chosen, refined = not_taken_back(evidence, scores, chosen, refined)
     chosen, refined = of_one_form(evidence, scores, chosen, refined)
     chosen, refined = of_two_lines(evidence, scores, chosen, refined)
-    return of_joint_or_arm(evidence, scores, chosen, refined)
+    chosen, refined = of_joint_or_arm(evidence, scores, chosen, refined)
+    return with_motors_beside(evidence, scores, chosen, refined)
 
 
 def _beside_what_was_told(

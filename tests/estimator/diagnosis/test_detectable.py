@@ -12,6 +12,7 @@ from estimator import RigidBody, Trajectory
 from estimator.diagnosis.evidence.gathered import gather
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.detectable import smallest_detectable
+from estimator.effects import Place, effect
 
 Array = NDArray[np.float64]
 
@@ -24,12 +25,12 @@ def scores(make_chain: Callable[..., RigidBody], play_twice: Callable[..., list[
     return Scores(evidence.design, evidence.blocks, evidence.folds)
 
 
-def told_by_shape(scores: Scores, effect: str, joint: int) -> list[tuple[Array, float]]:
+def told_by_shape(scores: Scores, name: str, joint: int) -> list[tuple[Array, float]]:
     """Of each shape of an effect, its theta and the coefficient that is one standard error, as the links bend."""
     found = []
     for k, candidate in enumerate(scores.design.candidates):
         hypothesis = scores.hypothesis(k)
-        if (hypothesis.effect.name, hypothesis.place.joint) == (effect, joint):
+        if (hypothesis.effect.name, hypothesis.place.joint) == (name, joint):
             matrix, _, _ = scores.model([]).left_of(candidate.columns[:1])
             found.append((candidate.theta, float(1.0 / np.sqrt(matrix[0, 0]))))
     return found
@@ -46,7 +47,11 @@ def errors_told(scores: Scores, joint: int) -> float:
 def test_a_spring_that_would_have_been_seen_is_as_soft_as_its_faintest_shape(scores: Scores, joint: int) -> None:
     """Of a stiffness, which is endless where there is no elasticity, the smallest value is the largest effect."""
     sizes, units = smallest_detectable(scores, [])
-    softest = min(np.exp(theta[0]) / error for theta, error in told_by_shape(scores, "joint_elasticity", joint))
+    law, place = effect("joint_elasticity"), Place(joint)
+    softest = min(
+        float(law.parameters(place, theta, np.array([error]))["stiffness"])
+        for theta, error in told_by_shape(scores, "joint_elasticity", joint)
+    )
     assert units["joint_elasticity"] == "N·m/rad"
     assert sizes["joint_elasticity"][joint] == pytest.approx(softest / errors_told(scores, joint))
 
