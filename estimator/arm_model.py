@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.base_parameters import base_parameters
 from estimator.diagnosis.telling.answer import GEAR, MOTOR, Diagnosis
-from estimator.effects import Lateness, Parameters, Place, Signals, effect
+from estimator.effects import Effect, Lateness, Parameters, Place, Signals, effect
 from estimator.identification import LinkIdentification
 from estimator.rigid_body import RigidBody
 from estimator.terms import PARAMETER_OF
@@ -37,16 +37,26 @@ class FittedEffect:
 
     def torque(self, signals: Signals) -> Array:
         """(samples, n) N·m it adds to the measured torque."""
-        return effect(self.name).of(self.parameters).torque(self.place, self.parameters, signals, self.shape)
+        return self.law.torque(self.place, self.parameters, signals, self.shape)
 
     def simulate(self, plant: PlantDraft) -> None:
         """Put it into a plant."""
-        effect(self.name).of(self.parameters).simulate_fitted(self.place, self.parameters, plant, self.shape)
+        self.law.simulate_fitted(self.place, self.parameters, plant, self.shape)
 
     def lateness(self, body: RigidBody) -> Lateness:
         """What it makes be recorded late."""
-        law = effect(self.name).of(self.parameters)
-        return law.lateness(body, self.place, law.fitted_unknowns(self.place, self.parameters, self.shape)[0])
+        theta, _ = self.law.fitted_unknowns(self.place, self.parameters, self.shape)
+        return self.law.lateness(body, self.place, theta)
+
+    @property
+    def law(self) -> Effect:
+        """Its law."""
+        return effect(self.name).of(self.parameters)
+
+    @property
+    def spends(self) -> bool:
+        """Whether the motors give torque for it."""
+        return self.law.spends(self.place)
 
     @property
     def measures_late(self) -> bool:
@@ -102,10 +112,13 @@ class ArmModel:
     def _torque(self, signals: Signals, effects: Sequence[FittedEffect]) -> Array:
         late = Lateness.together(self.body.n, (one.lateness(self.body) for one in effects))
         answered = signals.answering_to(late) if late.is_any else signals
-        total = signals.tau_rigid.copy()
-        for one in effects:
-            torque = one.torque(answered)
+        total, beside = signals.tau_rigid.copy(), np.zeros_like(signals.q)
+        # What is lost between a motor and its measurement goes with all that it gives for the others: last.
+        for one in sorted(effects, key=lambda own: own.law.of_motor):
+            torque = one.torque(replace(answered, tau_beside=beside) if one.law.of_motor else answered)
             total += torque if one.measures_late else answered.lagged(torque)
+            if one.spends:
+                beside = beside + torque
         return total
 
 

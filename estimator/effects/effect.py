@@ -73,6 +73,9 @@ class Law(ABC):
     """Whether its torque turns over with the sign of a speed, and is anything within its level at none."""
     of_link: ClassVar[bool] = False
     """Whether it is one of a joint's link, which all joints before it bear too."""
+    of_motor: ClassVar[bool] = False
+    """Whether it lies between what a motor gives and what is measured of it: it goes with all of its torque, friction
+    and springs too (`Signals.tau_motor`), and the motor gives nothing for it."""
     read_off: ClassVar[bool] = False
     """Whether the measured torque has it while the drive is off."""
     seen_against: ClassVar[SeenAgainst] = "law"
@@ -163,6 +166,11 @@ class Law(ABC):
     def at_one(self, theta: Array, coefficients: Array) -> Array:
         """theta with which one that is `factored` is as large as it is with these, its factor being one."""
         return theta
+
+    def spends(self, place: Place) -> bool:
+        """Whether motors give torque for it there: not for what lies in a measurement alone."""
+        measured = self.of_motor or self.read_off or self.timed(place) is not None
+        return self.equation_at(place) == "torque" and not measured
 
     def with_motor(self, theta: Array, inertia: float) -> Array | None:
         """theta of what lies between a motor of this ``inertia`` kg·m², which is beside the model's bodies, and a link

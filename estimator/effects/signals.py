@@ -24,7 +24,7 @@ _AT_REST = 1e-6
 """rad/s, rad/s²: a joint that stands is taken to move as little, for laws are tried at shares of it."""
 _LEAST_WARMING = 2.0
 """°C over which a joint must have been, for its temperature to tell anything."""
-_OF_THE_MOTION = ("q", "dq", "ddq", "tau_rigid")
+_OF_THE_MOTION = ("q", "dq", "ddq", "tau_rigid", "tau_beside")
 _OF_ALL_SAMPLES = ("body", "t", "late", "recorded")
 _THIN = 8
 """Samples of a motion for each of which one place is kept."""
@@ -60,6 +60,8 @@ class Signals:
     """(samples, 6) N and N·m in the sensor's frame."""
     load_wrench: Array | None = None
     """(samples, 6) what the sensor should exert on the given load during this motion."""
+    tau_beside: Array | None = None
+    """(samples, n) N·m that motors give for causes that were found, beside the given model's."""
     late: Lateness | None = None
     """Of what was recorded, where the torques answer to another motion than that (`answering_to`)."""
     recorded: Signals | None = None
@@ -85,7 +87,8 @@ class Signals:
     def answering_to(self, late: Lateness) -> Signals:
         """The motion that torques answer to which are recorded so, for all laws of torques: each joint's so much
         earlier. What is compared with the motion itself, as a velocity, finds that in `recorded`."""
-        moved: dict[str, Any] = {name: self._earlier(getattr(self, name), late.delay) for name in _OF_THE_MOTION}
+        told = {name: x for name in _OF_THE_MOTION if (x := getattr(self, name)) is not None}
+        moved: dict[str, Any] = {name: self._earlier(x, late.delay) for name, x in told.items()}
         return replace(self, **moved, late=late, recorded=self)
 
     def _earlier(self, channel: Array, by: Array) -> Array:
@@ -128,6 +131,11 @@ class Signals:
     def torque(self) -> Array:
         """N·m: as measured, else the given model's."""
         return self.tau_rigid if self.tau is None else self.tau
+
+    @property
+    def tau_motor(self) -> Array:
+        """N·m that the motors give: the given model's torque, and what other causes were found to take."""
+        return self.tau_rigid if self.tau_beside is None else self.tau_rigid + self.tau_beside
 
     def slope(self, x: Array) -> Array:
         """Time derivative of a smooth channel (samples, …), of fourth order."""

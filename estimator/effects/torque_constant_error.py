@@ -22,6 +22,7 @@ class TorqueConstantError(JointEffect):
 
     name = "torque_constant_error"
     in_drive = True
+    of_motor = True
     units: ClassVar = {"gain": "–"}
     above_zero = ("gain",)
     confused_with = ("load_dependent_friction", "rotor_inertia", "link_inertia", "payload")

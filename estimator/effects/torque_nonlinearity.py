@@ -28,6 +28,7 @@ class TorqueNonlinearity(JointEffect):
 
     name = "torque_nonlinearity"
     in_drive = True
+    of_motor = True
     units: ClassVar = {"limit": "N·m", "dead_zone": "N·m"}
     hidden = (0,)
     about = (1,)
@@ -39,7 +40,7 @@ class TorqueNonlinearity(JointEffect):
         return np.array([[0.01, 0.0], [0.1, 0.0], [0.3, 0.0], [1.0, 0.0]])
 
     def columns(self, place: Place, signals: Signals, theta: Array) -> Array:
-        true = signals.tau_rigid[:, self.joint(place)]
+        true = signals.tau_motor[:, self.joint(place)]
         size = max(float(np.sqrt(np.mean(true**2))), np.finfo(float).tiny)
         return np.stack([_saturating(true, float(theta[1])), np.tanh(true / (theta[0] * size))], axis=1)[:, None, :]
 

@@ -22,11 +22,12 @@ _MOST = 0.9
 
 
 class TorqueRipple(JointEffect):
-    """theta is the order k, then the two coefficients. The torque that a joint needs is the given model's, tau less the
+    """theta is the order k, then the two coefficients. The torque that a joint needs is tau less the
     ripple: tau is that divided by 1 − a·sin(k·q + φ)."""
 
     name = "torque_ripple"
     in_drive = True
+    of_motor = True
     units: ClassVar = {"order": "1/turn", "amplitude": "–", "phase": "rad"}
     about = (1, 2)
     recurs = True
@@ -49,7 +50,7 @@ class TorqueRipple(JointEffect):
         each = each_quadratures([float(theta[0]) for theta in thetas], signals.q[:, joint], turned)
         for theta, waves in zip(thetas, each, strict=True):
             left = 1.0 - np.minimum(waves @ theta[1:], _MOST) if theta[1:].any() else 1.0
-            yield ((signals.tau_rigid[:, joint] / left)[:, None] * waves)[:, None, :]
+            yield ((signals.tau_motor[:, joint] / left)[:, None] * waves)[:, None, :]
 
     def limits(self, place: Place, scales: Scales, theta: Array) -> tuple[Array, Array]:
         """A motor whose torque turned its sign over within a turn would not drive the joint."""

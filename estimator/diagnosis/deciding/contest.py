@@ -25,6 +25,7 @@ from estimator.diagnosis.evidence.typical import against_typical
 from estimator.diagnosis.evidence.weighted import Weighted
 from estimator.diagnosis.observed.drives_off import RECORDING, expected_reading
 from estimator.diagnosis.observed.noise import Noise
+from estimator.diagnosis.observed.spending import Spent, along
 from estimator.diagnosis.observed.stretches import Channel, Stretch
 from estimator.diagnosis.observed.turning import Turning
 from estimator.effects import Signals
@@ -70,6 +71,8 @@ class Contest:
     """Hz of the rows."""
     body: RigidBody
     """Of whose torques the laws' columns are made (`Evidence.bend`)."""
+    spent: tuple[Spent, ...] = ()
+    """What motors give torque for beside that."""
 
     @property
     def active(self) -> Indices:
@@ -92,7 +95,7 @@ class Contest:
 
         ``t`` (samples,), ``q, dq, ddq`` (samples, n).
         """
-        signals = Signals.of_motion(self.body, t, q, dq, ddq)
+        signals = along(Signals.of_motion(self.body, t, q, dq, ddq), self.spent)
         nothing = np.zeros((len(t), len(self.design.channels)))
         noise = self._with_rests(signals, playings)
         rows = stretch_rows(
@@ -230,7 +233,7 @@ def contest(scores: Scores, evidence: Evidence, others: Sequence[int], hypothese
     given, bend = design.body, evidence.bend
     body = given if bend is None else given.with_parameters(given.prior() + bend)
     weights, band = scores.weights.copy(), evidence.grid.band
-    return Contest(design, len(others), tuple(rivals), known, weights, evidence.noise, band, body)
+    return Contest(design, len(others), tuple(rivals), known, weights, evidence.noise, band, body, evidence.spent)
 
 
 def _makes_some(scores: Scores, law: Hypothesis, others: Sequence[int]) -> bool:

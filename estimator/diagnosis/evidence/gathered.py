@@ -30,6 +30,7 @@ from estimator.diagnosis.observed.first_body import first_body, has_bodies
 from estimator.diagnosis.observed.grains import repeated_share, repeated_white
 from estimator.diagnosis.observed.noise import ORDER, Noise, autocovariance
 from estimator.diagnosis.observed.repetition import lay, playings, repeated_noise
+from estimator.diagnosis.observed.spending import Spent
 from estimator.diagnosis.observed.stretches import Grid, Stretch, make_grid, mean_power, stretches, told_by
 from estimator.diagnosis.observed.tolerance import given_precision
 from estimator.effects import Effect, Lateness, Place, Scales, catalogue
@@ -74,6 +75,8 @@ class Evidence:
     """Of the links' parameters, as it was given; None where the model has no links that are known."""
     bend: Array | None = None
     """(10·n,) by which the links differ from the given ones of whose torques laws are made; None: they do not."""
+    spent: tuple[Spent, ...] = ()
+    """What motors give torque for beside the given model, for laws that go with all of it."""
     late: Lateness | None = None
     """By which torques answer late to the motion; laws are made of the motion so much earlier. None: they do
     not."""
@@ -194,7 +197,7 @@ def weighed_again(
     """`weighed` of the same recordings, of laws of another ``design``, beside other errors or along other motions."""
     own = evidence
     found = weighed(design, own.grid, pieces, slow, unseen, own.recordings, own.repeats, own.unseen_without)
-    return replace(found, tolerance=own.tolerance, bend=own.bend, late=own.late)
+    return replace(found, tolerance=own.tolerance, bend=own.bend, spent=own.spent, late=own.late)
 
 
 def exactness(pieces: Sequence[Stretch]) -> Array:

@@ -24,6 +24,7 @@ from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.motors_beside import with_motors_beside
+from estimator.diagnosis.naming.motors_torque import with_motors_torque
 from estimator.diagnosis.naming.one_line import of_one_line
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.restless import with_restless_frictions
@@ -79,10 +80,11 @@ class Judged:
 
 def judge(evidence: Evidence) -> Judged:
     """Searches the evidence for causes. Where no repeats tell the noise, once more under the noise that they leave;
-    where their laws go with torques that the given links do not have, with those that were fitted; where frictions
-    leave what falls behind the speed, or are others in each recording, and torques what recurs with the angle, with
-    these; where torques are late, with the motion that they answer to; and where their shapes on the grid are not sharp
-    enough, with those that fit best."""
+    where their laws go with torques that the given links do not have, with those that were fitted, and where they go
+    with all that a motor gives, with what it gives for the others; where frictions leave what falls behind the speed,
+    or are others in each recording, and torques what recurs with the angle, with these; where torques are late, with
+    the motion that they answer to; and where their shapes on the grid are not sharp enough, with those that fit
+    best."""
     evidence, found = _under_its_noise(evidence)
     stood, refined = _standing(found)
     if (other := with_bent_links(evidence, found.scores, stood, refined)) is not None:
@@ -90,6 +92,11 @@ def judge(evidence: Evidence) -> Judged:
         stood, refined = _standing(found)
     if (other := with_bent_frictions(evidence, found.scores, refined)) is not None:
         evidence, found = _under_its_noise(other)
+        stood, refined = _standing(found)
+    for _ in range(_SHARPER):
+        if (other := with_motors_torque(evidence, found.scores, stood, refined)) is None:
+            break
+        evidence, found = other, searched(other)
         stood, refined = _standing(found)
     evidence, found, stood, refined = _with_restless(evidence, found, stood, refined)
     for _ in range(_FINER):

@@ -21,6 +21,7 @@ from estimator.diagnosis.evidence.own_shapes import shaped_by_coefficients
 from estimator.diagnosis.evidence.refinement import Refined, fitted
 from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming.bent_links import bent, nats_changed
+from estimator.diagnosis.observed.spending import spending
 from estimator.diagnosis.observed.stretches import Stretch
 from estimator.effects import Lateness
 
@@ -42,7 +43,7 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     late = _lateness(evidence.design, delays.values())
     if not late.differs_from(evidence.late):
         return None
-    pieces = answering(evidence.pieces, late)
+    pieces = spending(answering(evidence.pieces, late), evidence.spent)
     causes = [k for k in chosen if k not in delays]
     design = evidence.design
     another = any(np.any(design.candidates[k].theta[1:] != one.theta[1:]) for k, one in delays.items())
@@ -57,7 +58,7 @@ def with_late_torques(evidence: Evidence, scores: Scores, chosen: Sequence[int],
     design = design.with_candidates([delays.get(k, one) for k, one in enumerate(design.candidates)])
     for one in delays.values():
         design = _of_form(design, one.hypothesis, one.theta)
-    slow = cache(lambda: answering(evidence.slow(), late))
+    slow = cache(lambda: spending(answering(evidence.slow(), late), evidence.spent))
     if not evidence.noise.playings:
         blocks = [one.compact() for one in sheets(design, pieces, evidence.decimations, evidence.noise, evidence.parts)]
         return replace(evidence, design=design, pieces=tuple(pieces), blocks=tuple(blocks), slow=slow, late=late)
@@ -85,8 +86,9 @@ def late_alike(evidence: Evidence, scores: Scores, chosen: list[int], refined: R
 
 
 def as_fitted(evidence: Evidence, pieces: Sequence[Stretch]) -> list[Stretch]:
-    """Stretches with the links, and the motion that torques answer to, of which the evidence's laws are made."""
-    return answering(bent(pieces, evidence.bend), evidence.late)
+    """Stretches with the links, the motion that torques answer to, and what motors give these for, of which the
+    evidence's laws are made."""
+    return spending(answering(bent(pieces, evidence.bend), evidence.late), evidence.spent)
 
 
 def answering(pieces: Sequence[Stretch], late: Lateness | None) -> list[Stretch]:

@@ -35,9 +35,12 @@ def quantities(
         moved[0][k] -= step[k]
         moved[1][k] += step[k]
         low, high = (values(x) for x in moved)
-        for name in at:
-            ends = np.isfinite(high[name]) & np.isfinite(low[name])
-            slopes[name][ends, k] = (high[name][ends] - low[name][ends]) / (2.0 * step[k])
+        for name, value in at.items():
+            # A part of a law that is next to nothing is not there a step below.
+            below, above = (side.get(name, value) for side in (low, high))
+            ends = np.isfinite(above) & np.isfinite(below)
+            steps = step[k] * ((name in low) + (name in high))
+            slopes[name][ends, k] = (above[ends] - below[ends]) / max(steps, np.finfo(float).tiny)
     result = {}
     for name, value in at.items():
         error = np.sqrt(np.maximum(np.einsum("ak,kl,al->a", slopes[name], covariance, slopes[name]), 0.0))
