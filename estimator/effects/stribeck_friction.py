@@ -24,7 +24,7 @@ SHAPES = (
 )
 """To try: a Stribeck velocity and the width of the sign, as shares of the joint's rms speed, about an exponent."""
 _FALLS = 0.1
-"""Of its level, what it falls by from rest: a friction that is no less at any speed is of another form."""
+"""Of its level, or its rise, what it falls by from rest: a friction that is no less at any speed is of another form."""
 _SPEEDS = np.linspace(0.0, 5.0, 101)
 """In Stribeck velocities, where it is looked for."""
 
@@ -72,7 +72,7 @@ class StribeckFriction(JointEffect):
     def differs(self, theta: Array, coefficients: Array) -> bool:
         level, rise, viscous = coefficients
         fallen = rise * (1.0 - np.exp(-(_SPEEDS ** theta[1]))) - viscous * theta[0] * _SPEEDS
-        return bool(np.max(fallen) >= _FALLS * level)
+        return bool(np.max(fallen) >= _FALLS * max(level, rise))
 
     def parameters(self, place: Place, theta: Array, coefficients: Array) -> Parameters:
         level, rise, viscous = map(float, coefficients)

@@ -96,10 +96,11 @@ def test_what_a_soft_sign_leaves_speaks_for_no_rise(make_chain: Callable[..., Ri
         (0.0, 0.5, 0.0, True),
         (1.0, 0.05, 0.0, False),
         (0.3, 0.7, 3.0, False),
+        (0.0, 4.0, 14.0, False),
     ],
 )
 def test_a_stribeck_friction_falls_from_rest(level: float, rise: float, viscous: float, falls: bool) -> None:
-    """By a tenth of its level at some speed, whatever the viscous one beside it."""
+    """By a tenth of its level or its rise at some speed, whatever the viscous one beside it."""
     law = catalogue()["stribeck_friction"]
     assert law.differs(np.array([0.25, 1.4, 0.001]), np.array([level, rise, viscous])) == falls
 
