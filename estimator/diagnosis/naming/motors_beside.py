@@ -38,15 +38,11 @@ def with_motors_beside(
         if (motor := _motor_of(evidence, scores, chosen, refined, law.place)) is None:
             continue
         motors[number] = motor
-        for other, candidate in enumerate(candidates):
-            shape = theta if other == k else candidate.theta
-            beside = (
-                law.effect.with_motor(shape, motor.inertia)
-                if candidate.hypothesis == candidates[k].hypothesis
-                else None
-            )
+        # With all shapes of its law that are seen from the link, between which it is refined.
+        for other in (c for c, own in enumerate(candidates) if own.hypothesis == candidates[k].hypothesis):
+            beside = law.effect.with_motor(theta if other == k else candidates[other].theta, motor.inertia)
             if beside is not None:
-                candidates[other] = replace(candidate, theta=beside)
+                candidates[other] = replace(candidates[other], theta=beside)
     if not motors:
         return chosen, refined
     shaped = fitted(replace(evidence, design=replace(design, candidates=tuple(candidates))), scores, chosen)
