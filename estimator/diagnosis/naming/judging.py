@@ -24,7 +24,7 @@ from estimator.diagnosis.naming.lack_of_fit import misfits
 from estimator.diagnosis.naming.late_torques import late_alike, with_late_torques
 from estimator.diagnosis.naming.left_noise import by_what_is_left
 from estimator.diagnosis.naming.motors_beside import with_motors_beside
-from estimator.diagnosis.naming.motors_torque import with_motors_torque
+from estimator.diagnosis.naming.motors_torque import still_given, with_motors_torque
 from estimator.diagnosis.naming.one_line import of_one_line
 from estimator.diagnosis.naming.plainer import not_taken_back, simpler, told_once, without_menders
 from estimator.diagnosis.naming.restless import with_restless_frictions
@@ -96,8 +96,11 @@ def judge(evidence: Evidence) -> Judged:
     for _ in range(_SHARPER):
         if (other := with_motors_torque(evidence, found.scores, stood, refined)) is None:
             break
-        evidence, found = other, searched(other)
-        stood, refined = _standing(found)
+        again = searched(other)
+        standing = _standing(again)
+        if not still_given(other, standing[1]):
+            break
+        evidence, found, (stood, refined) = other, again, standing
     evidence, found, stood, refined = _with_restless(evidence, found, stood, refined)
     for _ in range(_FINER):
         if (other := with_fine_lines(evidence, found.scores, refined)) is None:

@@ -28,6 +28,9 @@ from estimator.diagnosis.observed.stretches import Stretch
 
 Array = NDArray[np.float64]
 
+_MOSTLY = 0.25
+"""Of the energy of what motors were found to give beside the links' torque, what may have another size or form once a
+law that goes with it is found."""
 _WORTH = 3.0
 """nats that a cause must be expected to explain more with the whole torque."""
 
@@ -49,6 +52,24 @@ def with_motors_torque(evidence: Evidence, scores: Scores, chosen: Sequence[int]
         slow=cache(lambda: spending(evidence.slow(), spent)),
         spent=spent,
     )
+
+
+def still_given(evidence: Evidence, refined: Refined) -> bool:
+    """Whether motors still give most of the torque that causes were made of, for what stands beside these: a ripple of
+    a friction is none without the friction, though it may be all of it."""
+    laws = [refined.design.hypotheses[own.hypothesis] for own in refined.design.candidates]
+    joints = {law.place.joint for law in laws if law.effect.of_motor and law.place.joint is not None}
+    given, missing = np.zeros(evidence.design.body.n), np.zeros(evidence.design.body.n)
+    for piece, now in zip(evidence.pieces, spending(evidence.pieces, tuple(_spent_by(refined))), strict=True):
+        before, after = (_beside(own) for own in (piece, now))
+        given += np.sum(before**2, axis=0)
+        missing += np.sum((after - before) ** 2, axis=0)
+    return all(missing[joint] <= _MOSTLY * given[joint] for joint in joints)
+
+
+def _beside(piece: Stretch) -> Array:
+    told = piece.signals.tau_beside
+    return np.zeros_like(piece.signals.q) if told is None else told
 
 
 def _spent_by(refined: Refined) -> Iterator[Spent]:

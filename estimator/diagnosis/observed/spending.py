@@ -33,9 +33,9 @@ class Spent:
 
 def along(signals: Signals, spent: Sequence[Spent]) -> Signals:
     """The same motion with the torque that motors give for all ``spent``."""
-    if not spent:
+    if not spent and signals.tau_beside is None:
         return signals
-    beside = np.sum([one.torque(signals) for one in spent], axis=0)
+    beside = sum((one.torque(signals) for one in spent), start=np.zeros_like(signals.q))
     other = replace(signals, tau_beside=beside)
     # What was worked out of the motion stays.
     other.__dict__.update(signals.__dict__ | {"tau_beside": beside})
