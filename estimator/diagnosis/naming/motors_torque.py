@@ -38,7 +38,7 @@ _WORTH = 3.0
 def with_motors_torque(evidence: Evidence, scores: Scores, chosen: Sequence[int], refined: Refined) -> Evidence | None:
     """The evidence with the torque that motors give for the ``refined`` causes; None where that changes none of the
     chosen that go with it, and lets no other explain anything."""
-    spent = tuple(_spent_by(refined))
+    spent = tuple(spent_by(refined))
     if not spent:
         return None
     pieces = spending(evidence.pieces, spent)
@@ -60,7 +60,7 @@ def still_given(evidence: Evidence, refined: Refined) -> bool:
     laws = [refined.design.hypotheses[own.hypothesis] for own in refined.design.candidates]
     joints = {law.place.joint for law in laws if law.effect.of_motor and law.place.joint is not None}
     given, missing = np.zeros(evidence.design.body.n), np.zeros(evidence.design.body.n)
-    for piece, now in zip(evidence.pieces, spending(evidence.pieces, tuple(_spent_by(refined))), strict=True):
+    for piece, now in zip(evidence.pieces, spending(evidence.pieces, tuple(spent_by(refined))), strict=True):
         before, after = (_beside(own) for own in (piece, now))
         given += np.sum(before**2, axis=0)
         missing += np.sum((after - before) ** 2, axis=0)
@@ -72,7 +72,7 @@ def _beside(piece: Stretch) -> Array:
     return np.zeros_like(piece.signals.q) if told is None else told
 
 
-def _spent_by(refined: Refined) -> Iterator[Spent]:
+def spent_by(refined: Refined) -> Iterator[Spent]:
     """Of each cause that a motor gives torque for: not of what lies in its measurement."""
     for number, own in enumerate(refined.design.candidates):
         law = refined.design.hypotheses[own.hypothesis]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,12 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.arm_model import ArmModel, FittedEffect
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.evidence.gathered import gather
+from estimator.diagnosis.evidence.refinement import fitted
+from estimator.diagnosis.evidence.scores import Scores
 from estimator.diagnosis.naming import judging
+from estimator.diagnosis.naming.motors_torque import spent_by, still_given
+from estimator.diagnosis.observed.spending import spending
 from estimator.diagnosis.telling.answer import Diagnosis
 from estimator.effects import Place
 
@@ -93,3 +99,25 @@ def test_a_model_s_motor_loses_of_all_that_it_gives(
     for effects in ((rubs, loses, reads), (reads, loses, rubs)):
         np.testing.assert_allclose(ArmModel(body, effects).torque(q, dq, ddq, t), expected, atol=1e-6)
     assert np.abs(rubbing - tau).max() > 1.0
+
+
+def test_what_goes_with_friction_does_not_stand_without_it(
+    make_chain: Callable[..., RigidBody], make_periodic: Callable[..., tuple[Array, ...]]
+) -> None:
+    """A ripple of no period, of a friction that is taken for given, is that friction."""
+    body = make_chain("rr")
+    recorded, _ = recordings(body, make_periodic, lambda tau: tau)
+    evidence = gather(body, recorded, 0.05)
+    scores = Scores(evidence.design, evidence.blocks, evidence.folds, evidence.noise.news)
+
+    def one(name: str) -> int:
+        laws = enumerate(scores.hypothesis(k) for k in range(len(scores.owner)))
+        return next(k for k, law in laws if law.effect.name == name and law.place.joint == JOINT)
+
+    rubbing = [one("coulomb_friction"), one("viscous_friction")]
+    spent = tuple(spent_by(fitted(evidence, scores, rubbing)))
+    assert [own.law.name for own in spent] == ["coulomb_friction", "viscous_friction"]
+    beside = replace(evidence, pieces=tuple(spending(evidence.pieces, spent)), spent=spent)
+    assert still_given(beside, fitted(beside, scores, [*rubbing, one("torque_ripple")]))
+    assert not still_given(beside, fitted(beside, scores, [one("torque_ripple")]))
+    assert still_given(beside, fitted(beside, scores, []))
