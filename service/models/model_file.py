@@ -6,6 +6,7 @@ extends another is the next version, with its parent's content address.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -269,6 +270,10 @@ def _fitted(entry: EffectEntry, body: RigidBody) -> FittedEffect:
     if place not in found.places(body):
         raise InputError(f"effect {entry.name}", f"is none of {entry.where}", "name a joint and a channel that it has")
     for value, k in zip(entry.shape or (), found.hidden, strict=False):
+        # A width, a share, an inertia, or a choice, which counts from zero.
+        if not 0.0 <= value < math.inf:
+            told = f"has the shape {value:g} at {entry.where}"
+            raise InputError(f"effect {entry.name}", told, "give numbers of zero or more, as they were fitted")
         if value not in (allowed := found.choices_at(place).get(k, (value,))):
             told = f"has the shape {value:g} at {entry.where}"
             raise InputError(f"effect {entry.name}", told, f"it is one of {', '.join(f'{x:g}' for x in allowed)}")

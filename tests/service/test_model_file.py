@@ -139,6 +139,8 @@ def test_a_model_with_effects_predicts_the_same_after_a_round_trip(extended: Mod
         ("parameter.mass", "parameter.weight", "no 'weight'"),
         ("joint3 = [", "joint3 = [1.0, ", "ten numbers"),
         ("shape = [0.05]", "shape = [0.05, 1.0]", "shape of 2 numbers"),
+        ("shape = [0.05]", "shape = [nan]", "the shape nan at .*zero or more"),
+        ("shape = [0.05]", "shape = [-0.05]", "the shape -0.05 at .*zero or more"),
         ('channel = "torque"', 'channel = "temperature"', "none of temperature"),
         ('channel = "position"', 'channel = "velocity"', "none of joint3, velocity"),
         ("shape = [3.0]", "shape = [1.0]", "the shape 1 at joint3, position.*one of 0, 3"),

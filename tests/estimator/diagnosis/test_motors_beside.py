@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimator import RigidBody, Trajectory, inverse_dynamics
 from estimator.arm_model import FittedEffect
 from estimator.diagnosis.diagnose import diagnose
+from estimator.diagnosis.naming import judging
 from estimator.diagnosis.telling.answer import Diagnosis, Finding
 from estimator.effects import Place, Signals, effect
 from estimator.effects.transmission import MOTOR_BESIDE, ON_LINK
@@ -46,11 +47,12 @@ def found(diagnosis: Diagnosis, name: str) -> Finding:
 
 @pytest.mark.parametrize("rub", [False, True], ids=["smooth", "rubbing"])
 def test_a_motor_that_was_found_tells_the_stiffness(
-    make_chain: Callable[..., RigidBody], make_periodic: Make, rub: bool
+    make_chain: Callable[..., RigidBody], make_periodic: Make, monkeypatch: pytest.MonkeyPatch, rub: bool
 ) -> None:
-    """Told as one of a tenth of the link's inertia or more, it would be a seventh as stiff."""
+    """Taken for a tenth of the link or more, it would make the spring less than a tenth as stiff."""
     body = make_chain("rr")
-    diagnosis = diagnose(body, two_masses(body, make_periodic, 1, ROTOR, rub))
+    recordings = two_masses(body, make_periodic, 1, ROTOR, rub)
+    diagnosis = diagnose(body, recordings)
     assert found(diagnosis, "rotor_inertia").parameters["inertia"].value == pytest.approx(ROTOR, rel=0.02)
     spring = found(diagnosis, "joint_elasticity")
     stiffness = spring.parameters["stiffness"]
@@ -59,6 +61,9 @@ def test_a_motor_that_was_found_tells_the_stiffness(
     assert abs(stiffness.value - STIFFNESS) < 3.5 * stiffness.standard_error
     assert spring.shape is not None
     assert spring.shape[1] == MOTOR_BESIDE
+    monkeypatch.setattr(judging, "with_motors_beside", lambda evidence, scores, chosen, refined: (chosen, refined))
+    of_a_share = found(diagnose(body, recordings), "joint_elasticity").parameters["stiffness"]
+    assert of_a_share.value < 0.1 * STIFFNESS
 
 
 def test_a_motor_beside_the_model_and_one_within_spend_the_same(
